@@ -1,0 +1,83 @@
+"""One prioritized robot task stack, every hierarchical controller, and the truth about each."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from hqp_rp.core.damping import ConstantDamping, Damping, NoDamping, Truncation, VariableDamping
+from hqp_rp.core.errors import (
+    FileError,
+    HqpError,
+    MissingExtraError,
+    ProblemError,
+    RobotError,
+    SettingError,
+    UnknownNameError,
+)
+from hqp_rp.core.problem import Level, Problem
+from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
+
+if TYPE_CHECKING:
+    from hqp_rp.core.certificate import Certificate, certify
+    from hqp_rp.core.diagnostics import LevelReport, Singularity, diagnose
+    from hqp_rp.core.io import load_problem, save_problem
+    from hqp_rp.core.truth import Truth, truth
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Certificate",
+    "ConstantDamping",
+    "Damping",
+    "FileError",
+    "HqpError",
+    "Level",
+    "LevelReport",
+    "MissingExtraError",
+    "NoDamping",
+    "Problem",
+    "ProblemError",
+    "RobotError",
+    "SettingError",
+    "Singularity",
+    "Solution",
+    "Solver",
+    "Status",
+    "Truncation",
+    "Truth",
+    "UnknownNameError",
+    "VariableDamping",
+    "all_solvers",
+    "certify",
+    "diagnose",
+    "get_solver",
+    "load_problem",
+    "save_problem",
+    "solve",
+    "truth",
+]
+
+# `import hqp_rp` stays light: what needs more than numpy is imported when it is first used.
+_LAZY = {
+    "Certificate": "core.certificate",
+    "certify": "core.certificate",
+    "LevelReport": "core.diagnostics",
+    "Singularity": "core.diagnostics",
+    "diagnose": "core.diagnostics",
+    "load_problem": "core.io",
+    "save_problem": "core.io",
+    "Truth": "core.truth",
+    "truth": "core.truth",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module 'hqp_rp' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"hqp_rp.{_LAZY[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,337 @@
+"""The prioritized problem: levels of two-sided rows, most important first, held stacked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hqp_rp.core.errors import ProblemError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+
+
+class Level:
+    """Rows of one priority: `lower <= A x <= upper`, softened at this level (or hard, as `Problem(hard=...)`).
+
+    Args:
+        A: (m, n) matrix, finite; m may be 0.
+        lower: (m,) lower bounds, or a number for all rows; -inf means none.
+        upper: (m,) upper bounds, or a number for all rows; +inf means none.
+        name: what reports and errors call the level.
+
+    A row whose two bounds coincide is an equality `A x = b`. Arrays are copied and read-only.
+
+    Raises:
+        ProblemError: wrong shapes, NaN, infinite entries of A, or lower > upper; it names the level and the entry.
+    """
+
+    __slots__ = ("A", "lower", "name", "upper")
+
+    A: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    name: str
+
+    def __init__(self, A: ArrayLike, lower: ArrayLike, upper: ArrayLike, name: str = "") -> None:
+        label = f"level {name!r}" if name else "a level"
+        matrix = _real_array(A, f"{label}: A", copy=True)
+        if matrix.ndim != 2:
+            raise ProblemError(
+                f"{label}: A has {matrix.ndim} dimension(s), shape {matrix.shape}; it must be a matrix (m, n). "
+                "For one row, write A[None, :]."
+            )
+        _require_finite(matrix, f"{label}: A")
+        object.__setattr__(self, "name", str(name))
+        object.__setattr__(self, "A", _frozen(matrix))
+        object.__setattr__(self, "lower", _frozen(_bound(lower, len(matrix), f"{label}: lower")))
+        object.__setattr__(self, "upper", _frozen(_bound(upper, len(matrix), f"{label}: upper")))
+        _check_bounds(self.lower, self.upper, label)
+
+    @classmethod
+    def equality(cls, A: ArrayLike, b: ArrayLike, name: str = "") -> Level:
+        """The level `A x = b`: A (m, n), b (m,), both finite. Raises `ProblemError` as `Level` does."""
+        label = f"level {name!r}" if name else "a level"
+        rhs = _real_array(b, f"{label}: b", copy=True)
+        _require_finite(rhs, f"{label}: b")
+        return cls(A, rhs, rhs, name)
+
+    @property
+    def m(self) -> int:
+        """Number of rows."""
+        return int(self.A.shape[0])
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return int(self.A.shape[1])
+
+    @property
+    def is_equality(self) -> bool:
+        """True when the two bounds of every row coincide."""
+        return bool(np.array_equal(self.lower, self.upper))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"A Level is read-only: build a new one instead of setting {name!r}.")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (Level, (self.A, self.lower, self.upper, self.name))
+
+    def __repr__(self) -> str:
+        kind = "equality" if self.is_equality else "two-sided"
+        return f"Level({self.name!r}, {self.m} x {self.n}, {kind})"
+
+    @classmethod
+    def _view(cls, A: FloatArray, lower: FloatArray, upper: FloatArray, name: str) -> Level:
+        level = object.__new__(cls)
+        for key, value in (("A", A), ("lower", lower), ("upper", upper), ("name", name)):
+            object.__setattr__(level, key, value)
+        return level
+
+
+class Problem:
+    """A lexicographic problem: minimize each level's violation in turn, without spoiling the levels before it.
+
+    ::
+
+        lex min_x ( ||v_1(x)||, ||v_2(x)||, ..., ||v_p(x)||, ||x|| )      subject to   hard.lower <= hard.A x <= hard.upper
+
+    where `v_k(x)` is the violation of `lower_k <= A_k x <= upper_k` (for an equality, `A_k x - b_k`). The last term makes
+    the answer unique: among all lexicographic optima, the one of least norm.
+
+    Args:
+        levels: the levels, most important first; every level has the same number of unknowns.
+        hard: rows that no answer may violate; optional.
+
+    Attributes:
+        matrix: (M, n), all levels stacked, C-contiguous and read-only. lower, upper: (M,). offsets: (p + 1,) int64 row
+        offsets: level k holds rows `offsets[k]:offsets[k + 1]`. names: p strings. hard: `Level` or None. n, p: number of
+        unknowns and of levels. is_equality: every row of every level is an equality.
+
+    Raises:
+        ProblemError: no level, no unknown, or levels that do not fit together; it names the level and the remedy.
+
+    Source: equations (2), (9) of the paper; Escande, Mansard and Wieber 2014 for two-sided rows at any level.
+    """
+
+    __slots__ = ("_levels", "hard", "is_equality", "lower", "matrix", "n", "names", "offsets", "p", "upper")
+
+    matrix: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    offsets: IntArray
+    names: tuple[str, ...]
+    hard: Level | None
+    n: int
+    p: int
+    is_equality: bool
+
+    def __init__(self, levels: Sequence[Level], hard: Level | None = None) -> None:
+        levels = _checked_levels(levels, hard)
+        offsets = np.zeros(len(levels) + 1, dtype=np.int64)
+        np.cumsum([level.m for level in levels], out=offsets[1:])
+        lower = np.concatenate([level.lower for level in levels])
+        equality = all(level.is_equality for level in levels)
+        upper = lower if equality else np.concatenate([level.upper for level in levels])
+        matrix = np.ascontiguousarray(np.concatenate([level.A for level in levels], axis=0))
+        names = tuple(level.name or f"level {k + 1}" for k, level in enumerate(levels))
+        self._fill(_frozen(matrix), _frozen(lower), _frozen(upper), _frozen(offsets), names, hard, equality)
+
+    @classmethod
+    def from_stacked(
+        cls,
+        matrix: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        offsets: IntArray,
+        *,
+        names: Sequence[str] | None = None,
+        hard: Level | None = None,
+        check: bool = True,
+    ) -> Problem:
+        """The same problem from stacked arrays: matrix (M, n), lower, upper (M,), offsets (p + 1,).
+
+        With `check=False`, the fast path of a control loop: nothing is copied or checked, so the arrays must be
+        C-contiguous float64 (offsets int64), must satisfy what `Level` demands, and must not be written to while the
+        problem is in use. Pass the same array as `lower` and `upper` for a pure equality problem.
+        """
+        if check:
+            return cls(_split(matrix, lower, upper, offsets, names), hard)
+        problem = object.__new__(cls)
+        if names is None:
+            names = [f"level {k + 1}" for k in range(len(offsets) - 1)]
+        equality = lower is upper or bool((lower == upper).all())
+        problem._fill(matrix, lower, upper, offsets, tuple(names), hard, equality)
+        return problem
+
+    def _fill(
+        self,
+        matrix: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        offsets: IntArray,
+        names: tuple[str, ...],
+        hard: Level | None,
+        equality: bool,
+    ) -> None:
+        set_ = object.__setattr__
+        set_(self, "matrix", matrix)
+        set_(self, "lower", lower)
+        set_(self, "upper", upper)
+        set_(self, "offsets", offsets)
+        set_(self, "names", names)
+        set_(self, "hard", hard)
+        set_(self, "n", matrix.shape[1])
+        set_(self, "p", len(offsets) - 1)
+        set_(self, "is_equality", equality)
+        set_(self, "_levels", None)
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """The levels, most important first, as views of the stacked arrays."""
+        levels: tuple[Level, ...] | None = self._levels  # type: ignore[attr-defined]
+        if levels is None:
+            levels = tuple(self._views())
+            object.__setattr__(self, "_levels", levels)
+        return levels
+
+    def _views(self) -> Iterator[Level]:
+        for k in range(self.p):
+            rows = slice(int(self.offsets[k]), int(self.offsets[k + 1]))
+            yield Level._view(self.matrix[rows], self.lower[rows], self.upper[rows], self.names[k])
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"A Problem is read-only: build a new one instead of setting {name!r}.")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (_rebuild, (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard))
+
+    def __repr__(self) -> str:
+        rows = " + ".join(str(int(m)) for m in np.diff(self.offsets))
+        hard = f", {self.hard.m} hard rows" if self.hard is not None else ""
+        return f"Problem({rows} rows on {self.n} unknowns{hard})"
+
+
+def _rebuild(
+    matrix: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    offsets: IntArray,
+    names: tuple[str, ...],
+    hard: Level | None,
+) -> Problem:
+    return Problem.from_stacked(matrix, lower, upper, offsets, names=names, hard=hard)
+
+
+def _split(
+    matrix: ArrayLike, lower: ArrayLike, upper: ArrayLike, offsets: ArrayLike, names: Sequence[str] | None
+) -> list[Level]:
+    matrix, lower, upper = np.asarray(matrix), np.asarray(lower), np.asarray(upper)
+    offsets = np.asarray(offsets)
+    if matrix.ndim != 2 or lower.shape != (len(matrix),) or upper.shape != (len(matrix),):
+        raise ProblemError(
+            f"The stacked arrays do not fit: matrix {matrix.shape}, lower {lower.shape}, upper {upper.shape}; "
+            "they must be (M, n), (M,) and (M,)."
+        )
+    if offsets.ndim != 1 or offsets.dtype.kind not in "iu":
+        raise ProblemError(f"offsets must be a vector of integers, not {offsets.dtype} of shape {offsets.shape}.")
+    steps = np.diff(offsets.astype(np.int64))
+    if len(offsets) < 2 or offsets[0] != 0 or offsets[-1] != len(matrix) or (steps < 0).any():
+        raise ProblemError(
+            f"offsets = {offsets.tolist()} must rise from 0 to the number of rows, {len(matrix)}, one entry more than levels."
+        )
+    p = len(offsets) - 1
+    if names is not None and len(names) != p:
+        raise ProblemError(f"{len(names)} names for {p} levels: give one name for each level, or none.")
+    labels = list(names) if names is not None else [""] * p
+    return [
+        Level(matrix[a:b], lower[a:b], upper[a:b], labels[k])
+        for k, (a, b) in enumerate(zip(offsets[:-1], offsets[1:], strict=True))
+    ]
+
+
+def _checked_levels(levels: Sequence[Level], hard: Level | None) -> list[Level]:
+    if isinstance(levels, Level):
+        raise ProblemError("Problem takes a list of levels, most important first: write Problem([level]).")
+    levels = list(levels)
+    if not levels:
+        raise ProblemError("A problem needs at least one level: an empty list was given.")
+    for k, level in enumerate(levels):
+        if not isinstance(level, Level):
+            raise ProblemError(
+                f"Level {k + 1} is a {type(level).__name__}: build it with Level(...) or Level.equality(...)."
+            )
+    n = levels[0].n
+    if n == 0:
+        raise ProblemError(
+            f"{_label(levels[0], 0)} has no unknowns: A is {levels[0].A.shape}, and n must be at least 1."
+        )
+    for k, level in enumerate(levels):
+        if level.n != n:
+            raise ProblemError(
+                f"{_label(level, k)} has {level.n} columns and {_label(levels[0], 0)} has {n}: "
+                "every level must have one column for each unknown."
+            )
+    if hard is not None:
+        if not isinstance(hard, Level):
+            raise ProblemError(f"hard is a {type(hard).__name__}: build it with Level(A, lower, upper).")
+        if hard.n != n:
+            raise ProblemError(f"The hard rows have {hard.n} columns and the levels have {n}: they must be equal.")
+    return levels
+
+
+def _label(level: Level, k: int) -> str:
+    return f"Level {k + 1} ({level.name!r})" if level.name else f"Level {k + 1}"
+
+
+def _real_array(value: ArrayLike, what: str, *, copy: bool) -> FloatArray:
+    try:
+        raw = np.asarray(value)
+    except ValueError as error:
+        raise ProblemError(f"{what} is ragged: every row must have the same length ({error}).") from None
+    if raw.dtype.kind not in "fiub":
+        raise ProblemError(f"{what} has dtype {raw.dtype}; it must hold real numbers (float64).")
+    return np.array(raw, dtype=np.float64, copy=copy, order="C")
+
+
+def _bound(value: ArrayLike, m: int, what: str) -> FloatArray:
+    bound = _real_array(value, what, copy=True)
+    if bound.ndim == 0:
+        bound = np.full(m, float(bound))
+    if bound.shape != (m,):
+        raise ProblemError(f"{what} has shape {bound.shape}; A has {m} rows, so it must be ({m},) or one number.")
+    nan = np.flatnonzero(np.isnan(bound))
+    if nan.size:
+        raise ProblemError(f"{what}[{nan[0]}] is nan; every bound must be a number (infinite means none).")
+    return bound
+
+
+def _require_finite(array: FloatArray, what: str) -> None:
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        index = ", ".join(str(int(i)) for i in bad[0])
+        raise ProblemError(f"{what}[{index}] is {array[tuple(bad[0])]}; every entry must be finite.")
+
+
+def _check_bounds(lower: FloatArray, upper: FloatArray, label: str) -> None:
+    crossed = np.flatnonzero(lower > upper)
+    if crossed.size:
+        i = int(crossed[0])
+        raise ProblemError(
+            f"{label}: lower[{i}] = {lower[i]:g} > upper[{i}] = {upper[i]:g}; lower must not exceed upper."
+        )
+    for name, bound, empty in (("lower", lower, math.inf), ("upper", upper, -math.inf)):
+        bad = np.flatnonzero(bound == empty)
+        if bad.size:
+            raise ProblemError(
+                f"{label}: {name}[{int(bad[0])}] is {empty}, which no x can meet; give a finite bound or {-empty}."
+            )
+
+
+def _frozen(array: FloatArray | IntArray) -> FloatArray:
+    array.flags.writeable = False
+    return array  # type: ignore[return-value]

@@ -1,0 +1,1 @@
+"""Robots behind one protocol: MuJoCo and Pinocchio adapters, and arms made from their DH rows."""
