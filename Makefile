@@ -1,0 +1,85 @@
+# Two commands do everything on a machine with Python 3.11 or later, git and make: `make report` and `make test`.
+# PYTHON chooses the interpreter that .venv is made from: make test PYTHON=/opt/python/bin/python3.12
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+REPORT := report
+NEW_ENOUGH := import sys; assert sys.version_info >= (3, 11)
+
+# A few worker processes: each compiles the kernels for itself (see tests/conftest.py), so many of them do not pay.
+TEST_WORKERS ?= auto
+PYTEST_ARGS ?=
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+SHELL := /bin/sh
+
+.PHONY: help setup report quick test lint types check clean distclean
+
+help:
+	@echo "make report   compare every solver on every scenario and write $(REPORT)/ (sets up $(VENV) when it is missing)"
+	@echo "make quick    the same with fewer steps, for a first look"
+	@echo "make test     run the tests (sets up $(VENV) when it is missing)"
+	@echo "make check    formatting, linters, type checks and the direction of imports"
+	@echo "make setup    set up $(VENV), and bring it up to date when pyproject.toml or constraints.txt changed"
+	@echo "make clean    remove reports, caches and build output;  make distclean  also removes $(VENV)"
+
+report: setup
+	$(BIN)/hqp-rp compare --output $(REPORT)
+	@echo "The report is $(CURDIR)/$(REPORT)/report.html"
+
+quick: setup
+	$(BIN)/hqp-rp compare --quick --output $(REPORT)
+	@echo "The report is $(CURDIR)/$(REPORT)/report.html"
+
+# One thread for each worker: the problems are small, and workers that each start a pool of threads slow one another down.
+test: export OMP_NUM_THREADS ?= 1
+test: export OPENBLAS_NUM_THREADS ?= 1
+test: setup
+	$(BIN)/python -m pytest -n $(TEST_WORKERS) --maxprocesses 4 $(PYTEST_ARGS)
+
+check: lint types
+
+lint: setup
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+
+types: setup
+	$(BIN)/mypy
+	$(BIN)/basedpyright
+
+# .installed says what the environment was made from: the requirements (by content, since a checkout changes dates) and
+# the folder, whose path is written into the environment's scripts. An environment that does not run, or was moved here,
+# is made anew; one that is merely out of date is brought up to date; one that is complete is left alone.
+setup:
+	@want="$$(cat pyproject.toml constraints.txt | cksum) $(CURDIR)"; \
+	if [ "$$(cat $(STAMP) 2>/dev/null)" = "$$want" ] && $(BIN)/python -c 'import hqp_rp, pytest' >/dev/null 2>&1; then \
+	  exit 0; \
+	fi; \
+	$(MAKE) --no-print-directory -s $(BIN)/usable && rm -f $(STAMP) && \
+	$(BIN)/python -m pip install --quiet -c constraints.txt --config-settings editable_mode=compat -e ".[dev]" && \
+	printf '%s\n' "$$want" >$(STAMP)
+
+.PHONY: $(BIN)/usable
+$(BIN)/usable:
+	@if head -n 1 $(BIN)/pip 2>/dev/null | grep -qF "$(CURDIR)/$(BIN)/" && $(BIN)/python -c '$(NEW_ENOUGH); import pip' \
+	    >/dev/null 2>&1; then echo "Bringing $(VENV) up to date ..."; exit 0; fi; \
+	for python in $${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}; do \
+	  if "$$python" -c '$(NEW_ENOUGH)' >/dev/null 2>&1; then \
+	    echo "Setting up $(VENV) with $$("$$python" --version): about 2 GB, some minutes ..."; \
+	    rm -rf $(VENV); exec "$$python" -m venv $(VENV); \
+	  fi; \
+	done; \
+	set -- $${PYTHON:-python3}; \
+	echo "hqp_rp needs Python 3.11 or later, and $$1 is $$("$$1" --version 2>&1 | tail -n 1)." >&2; \
+	echo "Install one, or name it: make test PYTHON=/path/to/python3.11" >&2; \
+	exit 1
+
+clean:
+	rm -rf $(REPORT) runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .coverage
+	find hqp_rp solvers scenarios tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV)
