@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from hqp_rp.core.errors import ProblemError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
 class Level:
@@ -98,19 +100,24 @@ class Problem:
 
     ::
 
-        lex min_x ( ||v_1(x)||, ||v_2(x)||, ..., ||v_p(x)||, ||x|| )      subject to   hard.lower <= hard.A x <= hard.upper
+        lex min_x ( ||v_1(x)||, ||v_2(x)||, ..., ||v_p(x)||, ||x|| )
+        subject to  hard.lower <= hard.A x <= hard.upper
 
-    where `v_k(x)` is the violation of `lower_k <= A_k x <= upper_k` (for an equality, `A_k x - b_k`). The last term makes
-    the answer unique: among all lexicographic optima, the one of least norm.
+    where `v_k(x)` is the violation of `lower_k <= A_k x <= upper_k` (for an equality, `A_k x - b_k`). The last term
+    makes the answer unique: among all lexicographic optima, the one of least norm.
 
     Args:
         levels: the levels, most important first; every level has the same number of unknowns.
         hard: rows that no answer may violate; optional.
 
     Attributes:
-        matrix: (M, n), all levels stacked, C-contiguous and read-only. lower, upper: (M,). offsets: (p + 1,) int64 row
-        offsets: level k holds rows `offsets[k]:offsets[k + 1]`. names: p strings. hard: `Level` or None. n, p: number of
-        unknowns and of levels. is_equality: every row of every level is an equality.
+        matrix: (M, n), all levels stacked, C-contiguous and read-only.
+        lower, upper: (M,) bounds, read-only.
+        offsets: (p + 1,) int64: level k (from 0) holds rows `offsets[k]:offsets[k + 1]`.
+        names: p strings.
+        hard: `Level` or None.
+        n, p: number of unknowns and of levels.
+        is_equality: every row of every level is an equality.
 
     Raises:
         ProblemError: no level, no unknown, or levels that do not fit together; it names the level and the remedy.
@@ -242,15 +249,15 @@ def _split(
     steps = np.diff(offsets.astype(np.int64))
     if len(offsets) < 2 or offsets[0] != 0 or offsets[-1] != len(matrix) or (steps < 0).any():
         raise ProblemError(
-            f"offsets = {offsets.tolist()} must rise from 0 to the number of rows, {len(matrix)}, one entry more than levels."
+            f"offsets = {offsets.tolist()} must rise from 0 to the number of rows, {len(matrix)}, "
+            "one entry more than levels."
         )
     p = len(offsets) - 1
     if names is not None and len(names) != p:
         raise ProblemError(f"{len(names)} names for {p} levels: give one name for each level, or none.")
     labels = list(names) if names is not None else [""] * p
     return [
-        Level(matrix[a:b], lower[a:b], upper[a:b], labels[k])
-        for k, (a, b) in enumerate(zip(offsets[:-1], offsets[1:], strict=True))
+        Level(matrix[a:b], lower[a:b], upper[a:b], labels[k]) for k, (a, b) in enumerate(itertools.pairwise(offsets))
     ]
 
 
@@ -332,6 +339,6 @@ def _check_bounds(lower: FloatArray, upper: FloatArray, label: str) -> None:
             )
 
 
-def _frozen(array: FloatArray | IntArray) -> FloatArray:
+def _frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     array.flags.writeable = False
-    return array  # type: ignore[return-value]
+    return array

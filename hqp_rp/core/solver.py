@@ -40,14 +40,14 @@ class Solver(abc.ABC):
 
     @property
     def tolerance(self) -> float:
-        """What `SOLVED` promises: at each level, the avoidable residual is at most this times `||A_k|| ||x|| + ||b_k||`.
+        """What `SOLVED` promises: each level's avoidable residual is at most this times `||A_k|| ||x|| + ||b_k||`.
 
         For closed forms it is a bound on rounding error. A hard row is violated by at most the same relative amount.
         """
         return 1e-9
 
     def is_lexicographic(self, problem: Problem) -> bool:
-        """Whether the method, with these settings and in exact arithmetic, returns this problem's lexicographic optimum."""
+        """Whether the method, with these settings, returns this problem's lexicographic optimum in exact arithmetic."""
         return False
 
     def refuses(self, problem: Problem) -> str | None:
@@ -64,12 +64,12 @@ class Solver(abc.ABC):
 
         Args:
             problem: any `Problem`; one that the solver `refuses` comes back with `Status.REFUSED` and the sentence.
-            secondary: (n,) free vector (zeta-dot of equations (5), (10), (11)): what the freedom that all levels leave is
-                used for. Among the answers equally good at every level the solver takes the nearest to it; None means 0,
-                the answer of least norm.
+            secondary: (n,) free vector (zeta-dot of equations (5), (10), (11)): what the freedom that all levels leave
+                is used for. Among the answers equally good at every level the solver takes the nearest to it; None means
+                0, the answer of least norm.
         """
 
-    def reset(self) -> None:
+    def reset(self) -> None:  # noqa: B027 (optional to override: a closed form has nothing to forget)
         """Forget what was kept between calls (warm starts, workspaces). A closed form keeps nothing."""
 
     def _refusal(self, problem: Problem) -> Solution | None:

@@ -1,0 +1,143 @@
+"""Null-space priority (9)-(11) on N levels: the orthogonal cascade, and the textbook projector recursion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.orthogonal import (
+    damped_inverse,
+    factor,
+    forward_substitution,
+    load,
+    lower_block,
+    spectral,
+    tall_least_squares,
+    turn_back,
+)
+
+
+@kernel
+def finite(x):  # type: ignore[no-untyped-def]
+    """True when every entry of x is finite."""
+    for value in x:  # noqa: SIM110  numba compiles the loop, not the generator
+        if not abs(value) < np.inf:
+            return False
+    return True
+
+
+@kernel
+def solve_level(W, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, second, y):  # type: ignore[no-untyped-def]
+    """y[c0:c0 + rank], the least-squares answer of a factored level to the right-hand side t (m,), damped by the policy.
+
+    The policy's parameters are in the unit of A_k; the factored rows are `scale` times larger.
+    """
+    m = r1 - r0
+    if len(S):
+        smallest = S[r - 1] if r == min(m, W.shape[1] - c0) else 0.0
+        for j in range(rank):
+            s = 0.0
+            for i in range(m):
+                s += U[i, j] * t[i]
+            y[c0 + j] = s * damped_inverse(S[j], smallest, zero, kind, first * scale, second * scale)
+    elif m == r:
+        forward_substitution(W, r0, c0, r, t, y)
+    else:
+        residual = t[:m].copy()
+        tall_least_squares(lower_block(W, r0, r1, c0, r), residual)
+        y[c0 : c0 + r] = residual[:r]
+
+
+@kernel
+def null_space_basis(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[no-untyped-def]
+    """x = z + sum_k Z_{k-1} (A_k Z_{k-1})^# (b_k - A_k x_{k-1}); True when x is finite.
+
+    Damping acts on the pseudo-inverse that gives the level's answer, never on the null space that the level leaves.
+    """
+    M, n = A.shape
+    p = len(offsets) - 1
+    W = np.empty((M, n))
+    rhs = np.empty(M)
+    scale = np.empty(p)
+    if not load(A, b, offsets, W, rhs, scale):
+        return False
+    for i in range(M):
+        for j in range(n):
+            rhs[i] -= W[i, j] * z[j]
+    ref_row = np.empty(M, np.int64)
+    ref_col = np.empty(M, np.int64)
+    ref_tau = np.empty(M)
+    start = np.zeros(p + 1, np.int64)
+    column = np.zeros(p, np.int64)
+    turned = np.zeros(p, np.int64)
+    turns = np.empty((0, n, n))
+    t = np.empty(M)
+    y = np.zeros(n)
+    c0 = 0
+    for k in range(p):
+        r0 = offsets[k]
+        r1 = offsets[k + 1]
+        r, rank, V, U, S = factor(
+            W, r0, r1, c0, M, rhs, A, r0, r1, scale[k], tol, kind != 0, start[k], ref_row, ref_col, ref_tau
+        )
+        for i in range(r1 - r0):
+            s = rhs[r0 + i]
+            for j in range(c0):
+                s -= W[r0 + i, j] * y[j]
+            t[i] = s
+        solve_level(W, r0, r1, c0, r, rank, U, S, t, 0.0, scale[k], kind, first, second, y)
+        column[k] = c0
+        start[k + 1] = start[k] + r
+        if len(S):
+            if len(turns) == 0:
+                turns = np.empty((p, n, n))
+            turned[k] = r
+            turns[k, :r, :r] = V
+        c0 += rank
+    for k in range(p - 1, -1, -1):
+        turn_back(W, y, column[k], turns, k, turned[k], start[k], start[k + 1], ref_row, ref_col, ref_tau)
+    for j in range(n):
+        x[j] = z[j] + y[j]
+    return finite(x)
+
+
+@kernel
+def pseudo_inverse(J, zero, kind, first, second):  # type: ignore[no-untyped-def]
+    """J^# (n, m): V f(S) U^T with the policy's f for 1/sigma; a singular value <= `zero` counts as zero."""
+    U, S, Vt = np.linalg.svd(J, False)
+    smallest = S[len(S) - 1]
+    for i in range(len(S)):
+        f = damped_inverse(S[i], smallest, zero, kind, first, second) if S[i] > zero else 0.0
+        for j in range(Vt.shape[1]):
+            Vt[i, j] *= f
+    return np.ascontiguousarray(Vt.T) @ np.ascontiguousarray(U.T)
+
+
+@kernel
+def null_space_projector(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[no-untyped-def]
+    """The textbook recursion: x <- x + (A_k P)^# (b_k - A_k x), P <- P - (A_k P)^# A_k P, with P = I at first.
+
+    P drifts away from a projector near an algorithmic singularity; kept so that this can be seen.
+    """
+    M, n = A.shape
+    p = len(offsets) - 1
+    W = np.empty((M, n))
+    rhs = np.empty(M)
+    scale = np.empty(p)
+    if not load(A, b, offsets, W, rhs, scale):
+        return False
+    x[:] = z
+    P = np.eye(n)
+    for k in range(p):
+        r0 = offsets[k]
+        r1 = offsets[k + 1]
+        if r0 == r1:
+            continue
+        J = W[r0:r1].copy()
+        zero = tol * spectral(W, r0, r1)
+        JP = J @ P
+        if not finite(JP.ravel()):
+            return False
+        x += pseudo_inverse(JP, zero, kind, first * scale[k], second * scale[k]) @ (rhs[r0:r1] - J @ x)
+        P -= pseudo_inverse(JP, zero, 0, 0.0, 0.0) @ JP
+    return finite(x)

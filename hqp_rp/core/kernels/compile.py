@@ -1,0 +1,40 @@
+"""How every kernel is compiled: cached on disk, without the GIL, and recompiled when any kernel's source changes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _digest() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+SOURCES = _digest()
+
+
+def kernel(function: F) -> F:
+    """Compile `function` at its first call and cache the machine code.
+
+    numba's cache watches a function's own file only, so a kernel that calls one in another file would go on running the
+    old callee after an update. The name under which it is cached therefore carries a digest of all kernel sources.
+    Sums may be reordered and multiply-adds fused ("reassoc", "contract"), so that loops vectorize; NaN and infinity keep
+    their meaning.
+    """
+    function.__qualname__ = f"{function.__qualname__}_{SOURCES}"
+    options: dict[str, Any] = {
+        "cache": True,
+        "nogil": True,
+        "error_model": "numpy",
+        "fastmath": {"reassoc", "contract"},
+    }
+    return cast(F, numba.njit(**options)(function))

@@ -1,0 +1,308 @@
+"""Building blocks: scaled loading, row-pivoted LQ with a rank decision, least squares, and the way back to x.
+
+A cascade keeps one working copy W (M, n) of the stacked rows and turns its columns by orthogonal transformations,
+W <- W Q, level by level, so that x = Q y. After level k has been factored, columns c0 ... c0 + rank - 1 span its row
+space within the freedom left to it and the columns behind them are free for the levels below: the null-space basis
+Z = Q[:, c0 + rank:] is orthonormal to working precision by construction and is never formed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hqp_rp.core.kernels.compile import kernel
+
+EPS = 2.220446049250313e-16
+
+
+@kernel
+def load(A, b, offsets, W, rhs, scale):  # type: ignore[no-untyped-def]
+    """Copy A into W and b into rhs, each level scaled by a power of two to entries in [1/2, 1); False if not finite."""
+    n = A.shape[1]
+    finite = True
+    for k in range(len(offsets) - 1):
+        big = 0.0
+        for i in range(offsets[k], offsets[k + 1]):
+            for j in range(n):
+                a = abs(A[i, j])
+                if not a < np.inf:
+                    finite = False
+                big = max(big, a)
+        s = 1.0
+        if big > 0.0 and finite:
+            s = math.ldexp(1.0, max(-1000, min(1000, -math.frexp(big)[1])))
+        scale[k] = s
+        for i in range(offsets[k], offsets[k + 1]):
+            for j in range(n):
+                W[i, j] = A[i, j] * s
+            rhs[i] = b[i] * s
+            if not abs(rhs[i]) < np.inf:
+                finite = False
+    return finite
+
+
+@kernel
+def frobenius(W, r0, r1):  # type: ignore[no-untyped-def]
+    """Frobenius norm of rows r0:r1 of W."""
+    big = 0.0
+    for i in range(r0, r1):
+        for j in range(W.shape[1]):
+            big = max(big, abs(W[i, j]))
+    if big == 0.0:
+        return 0.0
+    s = 0.0
+    for i in range(r0, r1):
+        for j in range(W.shape[1]):
+            s += (W[i, j] / big) ** 2
+    return big * math.sqrt(s)
+
+
+@kernel
+def spectral(W, r0, r1):  # type: ignore[no-untyped-def]
+    """Spectral norm of rows r0:r1 of W."""
+    _, s, _ = np.linalg.svd(W[r0:r1].copy(), False)
+    return s[0]
+
+
+@kernel
+def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):  # type: ignore[no-untyped-def]
+    """Row-pivoted Householder LQ of W[r0:r1, c0:] in place; the reflectors also turn rows r1:rows_end.
+
+    Row r0 + j ends with its entries of L left of and at column c0 + j and the reflector (leading 1 implied) right of it.
+    Stops when every remaining row is shorter than `floor`. Rows of the level are swapped together with their rhs.
+    Reflector number t0 + j is recorded by row, column and tau. Returns the number of reflectors.
+    """
+    n = W.shape[1]
+    steps = min(r1 - r0, n - c0)
+    for j in range(steps):
+        c = c0 + j
+        top = r0 + j
+        best = top
+        longest = -1.0
+        for i in range(top, r1):
+            s = 0.0
+            for col in range(c, n):
+                s += W[i, col] * W[i, col]
+            if s > longest:
+                longest = s
+                best = i
+        norm = math.sqrt(longest)
+        if not norm > floor:
+            return j
+        if best != top:
+            for col in range(n):
+                swap = W[top, col]
+                W[top, col] = W[best, col]
+                W[best, col] = swap
+            swap = rhs[top]
+            rhs[top] = rhs[best]
+            rhs[best] = swap
+        alpha = W[top, c]
+        beta = -norm if alpha >= 0.0 else norm
+        tau = (beta - alpha) / beta
+        inverse = 1.0 / (alpha - beta)
+        for col in range(c + 1, n):
+            W[top, col] *= inverse
+        W[top, c] = beta
+        for i in range(top + 1, rows_end):
+            dot = W[i, c]
+            for col in range(c + 1, n):
+                dot += W[i, col] * W[top, col]
+            dot *= tau
+            W[i, c] -= dot
+            for col in range(c + 1, n):
+                W[i, col] -= dot * W[top, col]
+        ref_row[t0 + j] = top
+        ref_col[t0 + j] = c
+        ref_tau[t0 + j] = tau
+    return steps
+
+
+@kernel
+def inverse_norm(W, r0, c0, r):  # type: ignore[no-untyped-def]
+    """Frobenius norm of the inverse of the leading r x r triangle of L: 1 / it is a rigorous bound below sigma_min(L)."""
+    column = np.empty(r)
+    total = 0.0
+    for j in range(r):
+        for i in range(j, r):
+            s = 1.0 if i == j else 0.0
+            for col in range(j, i):
+                s -= W[r0 + i, c0 + col] * column[col]
+            column[i] = s / W[r0 + i, c0 + i]
+            total += column[i] * column[i]
+    return math.sqrt(total)
+
+
+@kernel
+def lower_block(W, r0, r1, c0, r):  # type: ignore[no-untyped-def]
+    """A copy of L (m, r), the factor that `lq` left in rows r0:r1, without the reflectors stored above it."""
+    L = np.zeros((r1 - r0, r))
+    for i in range(r1 - r0):
+        for j in range(min(i + 1, r)):
+            L[i, j] = W[r0 + i, c0 + j]
+    return L
+
+
+@kernel
+def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, ref_row, ref_col, ref_tau):  # type: ignore[no-untyped-def]
+    """Factor rows r0:r1 within columns c0: and decide their rank by the library's rule.
+
+    The rule: a singular value of A_k Z counts as zero when it is <= tol * ||A_k||_2. Where the triangle's inverse proves
+    every singular value to be above it, no SVD is needed; else (or when `svd` asks for it) L = U S V^T decides and the
+    columns are turned by V as well. A_k itself, before any transformation, is `unit` * original[o0:o1].
+
+    Returns (reflectors, rank, V, U, S): V, U, S are empty when no SVD was needed; then rows r0:r1 hold L itself.
+    """
+    m = r1 - r0
+    n = W.shape[1]
+    empty = np.empty((0, 0))
+    none = np.empty(0)
+    norm = unit * frobenius(original, o0, o1)
+    if m == 0 or c0 == n or norm == 0.0:
+        return 0, 0, empty, empty, none
+    floor = min(64.0 * EPS, tol / math.sqrt(min(m, n))) * norm
+    r = lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau)
+    if r == 0:
+        return 0, 0, empty, empty, none
+    if not svd and 1.0 > tol * norm * inverse_norm(W, r0, c0, r):
+        return r, r, empty, empty, none
+    U, S, Vt = np.linalg.svd(lower_block(W, r0, r1, c0, r), False)
+    zero = tol * unit * spectral(original, o0, o1)
+    rank = 0
+    while rank < r and S[rank] > zero:
+        rank += 1
+    V = Vt.T.copy()
+    turned = np.empty(r)
+    for i in range(r1, rows_end):
+        for j in range(r):
+            s = 0.0
+            for col in range(r):
+                s += W[i, c0 + col] * V[col, j]
+            turned[j] = s
+        for j in range(r):
+            W[i, c0 + j] = turned[j]
+    return r, rank, V, U.copy(), S
+
+
+@kernel
+def forward_substitution(W, r0, c0, r, t, y):  # type: ignore[no-untyped-def]
+    """y[c0:c0 + r] from the leading triangle: L y = t."""
+    for i in range(r):
+        s = t[i]
+        for col in range(i):
+            s -= W[r0 + i, c0 + col] * y[c0 + col]
+        y[c0 + i] = s / W[r0 + i, c0 + i]
+
+
+@kernel
+def tall_least_squares(C, t):  # type: ignore[no-untyped-def]
+    """min ||C y - t|| for C (m, r) of full column rank, m >= r, by Householder QR; C and t are overwritten, t[:r] is y.
+
+    Columns are pivoted, so that with rows sorted by falling size it is stable row by row (Cox and Higham 1998): rows of
+    very different weight then do not swamp each other.
+    """
+    m, r = C.shape
+    order = np.arange(r)
+    for j in range(r):
+        best = j
+        longest = -1.0
+        for col in range(j, r):
+            s = 0.0
+            for i in range(j, m):
+                s += C[i, col] * C[i, col]
+            if s > longest:
+                longest = s
+                best = col
+        if best != j:
+            for i in range(m):
+                swap = C[i, j]
+                C[i, j] = C[i, best]
+                C[i, best] = swap
+            other = order[j]
+            order[j] = order[best]
+            order[best] = other
+        norm = math.sqrt(longest)
+        if norm == 0.0:
+            continue
+        alpha = C[j, j]
+        beta = -norm if alpha >= 0.0 else norm
+        tau = (beta - alpha) / beta
+        inverse = 1.0 / (alpha - beta)
+        for i in range(j + 1, m):
+            C[i, j] *= inverse
+        C[j, j] = beta
+        for col in range(j + 1, r):
+            dot = C[j, col]
+            for i in range(j + 1, m):
+                dot += C[i, j] * C[i, col]
+            dot *= tau
+            C[j, col] -= dot
+            for i in range(j + 1, m):
+                C[i, col] -= dot * C[i, j]
+        dot = t[j]
+        for i in range(j + 1, m):
+            dot += C[i, j] * t[i]
+        dot *= tau
+        t[j] -= dot
+        for i in range(j + 1, m):
+            t[i] -= dot * C[i, j]
+    for j in range(r - 1, -1, -1):
+        s = t[j]
+        for col in range(j + 1, r):
+            s -= C[j, col] * t[col]
+        t[j] = s / C[j, j] if C[j, j] != 0.0 else 0.0
+    y = np.empty(r)
+    for j in range(r):
+        y[order[j]] = t[j]
+    for j in range(r):
+        t[j] = y[j]
+
+
+@kernel
+def turn_back(W, y, c0, turns, k, r, t0, t1, ref_row, ref_col, ref_tau):  # type: ignore[no-untyped-def]
+    """y <- Q_k y for one level: its V (turns[k], of size r, 0 when there is none), then its reflectors in reverse."""
+    n = W.shape[1]
+    if r:
+        turned = np.empty(r)
+        for i in range(r):
+            s = 0.0
+            for col in range(r):
+                s += turns[k, i, col] * y[c0 + col]
+            turned[i] = s
+        for i in range(r):
+            y[c0 + i] = turned[i]
+    for t in range(t1 - 1, t0 - 1, -1):
+        c = ref_col[t]
+        row = ref_row[t]
+        dot = y[c]
+        for col in range(c + 1, n):
+            dot += y[col] * W[row, col]
+        dot *= ref_tau[t]
+        y[c] -= dot
+        for col in range(c + 1, n):
+            y[col] -= dot * W[row, col]
+
+
+@kernel
+def damped_inverse(sigma, smallest, zero, kind, first, second):  # type: ignore[no-untyped-def]
+    """What a damping policy puts for 1/sigma: (15), (17), (18)-(19) or truncation; 0 for sigma <= `zero` without damping.
+
+    `smallest` is sigma_m of (19); `kind`, `first`, `second` are the policy's (`hqp_rp.core.damping`), in sigma's unit.
+    """
+    if kind == 0 or kind == 3:
+        cut = zero if kind == 0 else max(zero, first)
+        return 1.0 / sigma if sigma > cut else 0.0
+    factor = first
+    if kind == 2:
+        ratio = smallest / first
+        factor = 0.0 if ratio >= 1.0 else math.sqrt((1.0 - ratio) * (1.0 + ratio)) * second
+    if factor == 0.0:
+        return 1.0 / sigma if sigma > zero else 0.0
+    # sigma / (sigma^2 + factor^2) without squaring a large number.
+    if sigma > factor:
+        ratio = factor / sigma
+        return 1.0 / (sigma * (1.0 + ratio * ratio))
+    ratio = sigma / factor
+    return ratio / (factor * (1.0 + ratio * ratio))
