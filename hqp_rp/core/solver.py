@@ -65,8 +65,8 @@ class Solver(abc.ABC):
         Args:
             problem: any `Problem`; one that the solver `refuses` comes back with `Status.REFUSED` and the sentence.
             secondary: (n,) free vector (zeta-dot of equations (5), (10), (11)): what the freedom that all levels leave
-                is used for. Among the answers equally good at every level the solver takes the nearest to it; None means
-                0, the answer of least norm.
+                is used for. Among the answers equally good at every level the solver takes the nearest to it; None
+                means 0, the answer of least norm.
         """
 
     def reset(self) -> None:  # noqa: B027 (optional to override: a closed form has nothing to forget)

@@ -1,0 +1,148 @@
+"""Problems that every part of the library is tested on: each generator is deterministic in its seed.
+
+`from tests.problems import ...`. A generator returns a `Problem`; `equality_cases` names a spread of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hqp_rp import Level, Problem
+
+Array = NDArray[np.float64]
+
+
+def stack(
+    matrices: Sequence[Array], targets: Sequence[Array], names: Sequence[str] | None = None, hard: Level | None = None
+) -> Problem:
+    """The equality problem `A_k x = b_k`, k = 1 ... p."""
+    labels = names if names is not None else [""] * len(matrices)
+    pairs = zip(matrices, targets, labels, strict=True)
+    return Problem([Level.equality(A, b, name=name) for A, b, name in pairs], hard=hard)
+
+
+def independent(seed: int = 0, n: int = 7, rows: Sequence[int] = (3, 3)) -> Problem:
+    """Random levels whose rows are all independent when `sum(rows) <= n`; every level can be met."""
+    rng = np.random.default_rng(seed)
+    return stack([rng.standard_normal((m, n)) for m in rows], [rng.standard_normal(m) for m in rows])
+
+
+def over_constrained(seed: int = 0, n: int = 7, rows: Sequence[int] = (6, 3, 7)) -> Problem:
+    """Random levels with more rows than unknowns in all: the later ones conflict with the earlier ones."""
+    return independent(seed, n, rows)
+
+
+def dependent(seed: int = 0, n: int = 7, rows: tuple[int, int] = (3, 3), shared: int = 1) -> Problem:
+    """Two levels whose row spaces share exactly `shared` directions: an algorithmic singularity in exact arithmetic.
+
+    Entries are small integers, so the dependence is exact in floating point. The last `shared` rows of level 2 are
+    integer combinations of level 1's rows, with targets that contradict them.
+    """
+    rng = np.random.default_rng(seed)
+    A1 = rng.integers(-9, 10, (rows[0], n)).astype(float)
+    A2 = rng.integers(-9, 10, (rows[1], n)).astype(float)
+    if shared:
+        A2[-shared:] = rng.integers(-3, 4, (shared, rows[0])).astype(float) @ A1
+    return stack([A1, A2], [rng.standard_normal(m) for m in rows])
+
+
+def rank_deficient(seed: int = 0, n: int = 7, rows: Sequence[int] = (4, 3), ranks: Sequence[int] = (2, 2)) -> Problem:
+    """Levels whose own matrices have the given ranks exactly (products of small integers): kinematic singularities."""
+    rng = np.random.default_rng(seed)
+    matrices = [
+        (rng.integers(-4, 5, (m, r)) @ rng.integers(-4, 5, (r, n))).astype(float)
+        for m, r in zip(rows, ranks, strict=True)
+    ]
+    return stack(matrices, [rng.standard_normal(m) for m in rows])
+
+
+def near_singular(eps: float, seed: int = 0, n: int = 7, rows: Sequence[int] = (3, 3)) -> Problem:
+    """`A_2 = C A_1 + eps R`, further levels random: distance eps from an algorithmic singularity of level 2."""
+    rng = np.random.default_rng(seed)
+    A1 = rng.standard_normal((rows[0], n))
+    C = rng.standard_normal((rows[1], rows[0]))
+    R = rng.standard_normal((rows[1], n))
+    matrices = [A1, C @ A1 + eps * R, *(rng.standard_normal((m, n)) for m in rows[2:])]
+    return stack(matrices, [rng.standard_normal(m) for m in rows])
+
+
+def conditioned(condition: float, seed: int = 0, n: int = 7, rows: Sequence[int] = (3, 3)) -> Problem:
+    """Levels whose own singular values run geometrically from 1 down to 1 / condition, in random directions."""
+    rng = np.random.default_rng(seed)
+    matrices = []
+    for m in rows:
+        k = min(m, n)
+        U = np.linalg.qr(rng.standard_normal((m, m)))[0][:, :k]
+        V = np.linalg.qr(rng.standard_normal((n, n)))[0][:, :k]
+        matrices.append(np.ascontiguousarray((U * np.geomspace(1.0, 1.0 / condition, k)) @ V.T))
+    return stack(matrices, [rng.standard_normal(m) for m in rows])
+
+
+def scaled(problem: Problem, factors: Sequence[float]) -> Problem:
+    """The same problem with level k's rows and bounds multiplied by factors[k] > 0; its answer is the same.
+
+    Powers of two keep it the same to the last bit.
+    """
+    levels = [
+        Level(level.A * f, level.lower * f, level.upper * f, level.name)
+        for level, f in zip(problem.levels, factors, strict=True)
+    ]
+    return Problem(levels, hard=problem.hard)
+
+
+def badly_scaled(seed: int = 0, n: int = 7, rows: Sequence[int] = (3, 3)) -> Problem:
+    """Random levels scaled by about 1e150, 1e-150, 1e150, ... (powers of two: the answer is that of `independent`)."""
+    return scaled(independent(seed, n, rows), [2.0 ** (498 if k % 2 == 0 else -498) for k in range(len(rows))])
+
+
+def two_sided(
+    seed: int = 0, n: int = 7, rows: Sequence[int] = (3, 3, 7), band: float = 0.5, box: float | None = None
+) -> Problem:
+    """Random levels, each row an equality, a band of half-width up to `band` or one-sided; hard box +-box if given."""
+    rng = np.random.default_rng(seed)
+    levels = []
+    for m in rows:
+        A, b = rng.standard_normal((m, n)), rng.standard_normal(m)
+        half = rng.uniform(0.0, band, m)
+        kind = rng.integers(0, 4, m)
+        lower = np.where(kind == 3, -np.inf, np.where(kind == 0, b, b - half))
+        upper = np.where(kind == 2, np.inf, np.where(kind == 0, b, b + half))
+        levels.append(Level(A, lower, upper))
+    hard = None if box is None else Level(np.eye(n), -box, box, name="box")
+    return Problem(levels, hard=hard)
+
+
+def boxed(problem: Problem, bound: float) -> Problem:
+    """The same levels with hard bounds `-bound <= x <= bound` on every unknown."""
+    return Problem(problem.levels, hard=Level(np.eye(problem.n), -bound, bound, name="box"))
+
+
+EQUALITY_CASES: dict[str, Callable[[int], Problem]] = {
+    "independent 3+3": independent,
+    "independent 3+3, n=6": lambda seed: independent(seed, n=6),
+    "one level": lambda seed: independent(seed, rows=(4,)),
+    "three levels 2+2+2": lambda seed: independent(seed, rows=(2, 2, 2)),
+    "dependent 3+3": dependent,
+    "dependent 4+4, 2 shared": lambda seed: dependent(seed, rows=(4, 4), shared=2),
+    "over-constrained 6+3": lambda seed: over_constrained(seed, rows=(6, 3)),
+    "over-constrained first level": lambda seed: over_constrained(seed, n=4, rows=(6, 3)),
+    "rank-deficient": rank_deficient,
+    "rank-deficient over-constrained": lambda seed: rank_deficient(seed, rows=(6, 8), ranks=(3, 4)),
+    "near-singular 1e-4": lambda seed: near_singular(1e-4, seed),
+    "badly scaled": badly_scaled,
+    "empty level": lambda seed: stack(
+        [np.zeros((0, 7)), *(level.A for level in independent(seed).levels)],
+        [np.zeros(0), *(level.lower for level in independent(seed).levels)],
+    ),
+    "6+1+7": lambda seed: over_constrained(seed, rows=(6, 1, 7)),
+    "6+3+7": over_constrained,
+}
+"""Name -> generator of equality problems by seed; for parametrized tests."""
+
+
+def equality_cases(seeds: int = 3) -> list[tuple[str, Problem]]:
+    """(name, problem) for every entry of `EQUALITY_CASES` and seeds 0 ... seeds - 1."""
+    return [(f"{name} [{s}]", make(s)) for name, make in EQUALITY_CASES.items() for s in range(seeds)]
