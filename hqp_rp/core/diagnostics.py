@@ -1,0 +1,256 @@
+"""What an answer does to each level, judged from (problem, x) alone: violation, residual, rank, singularity."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hqp_rp.core.errors import ProblemError, SettingError
+from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.solver import RANK_TOLERANCE
+
+ACTIVE_TOLERANCE = 1e-9
+"""A row counts as active at x within this times `||a_i|| ||x|| + |bound_i|` of its bound."""
+
+
+class Singularity(enum.Enum):
+    """Why a level loses rank. The value is the sentence that reports print."""
+
+    NONE = "The level keeps full rank beside the levels before it."
+    KINEMATIC = "The level's own rows are dependent (kinematic singularity)."
+    ALGORITHMIC = "The level's rows depend on rows of the levels before it (algorithmic singularity)."
+    BOTH = "The level's own rows are dependent, and they depend on rows of the levels before it."
+
+    @classmethod
+    def of(cls, rank: int, own_rank: int, full: int) -> Singularity:
+        """The kind: `rank` beside the earlier levels, `own_rank` alone, `full` = min(m, n)."""
+        if own_rank < full:
+            return cls.BOTH if rank < own_rank else cls.KINEMATIC
+        return cls.ALGORITHMIC if rank < own_rank else cls.NONE
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Ranks of one level's rows A_k (m, n), alone and in the null space Z (n, d) of the rows before them.
+
+    Attributes:
+        rank: rank of A_k Z by the rank rule: singular values > rank_tolerance * ||A_k||_2 are counted.
+        own_rank: rank of A_k by the same rule.
+        sigma_min: the min(m, d)-th singular value of A_k Z, in the unit of A_k; 0 when d = 0, inf when m = 0.
+        singularity: `KINEMATIC` when own_rank < min(m, n); `ALGORITHMIC` when rank < own_rank, which is equation (12),
+            rank J_1 + rank J_2 > rank [J_1; J_2]; `BOTH` when both hold.
+    """
+
+    rank: int
+    own_rank: int
+    sigma_min: float
+    singularity: Singularity
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class LevelReport:
+    """One level, judged at x.
+
+    Attributes:
+        name: the level's name.
+        violation: (m,) signed, in the unit of the rows: `a_i x - upper_i` where above, `a_i x - lower_i` where below,
+            else 0. For an equality, `a_i x - b_i`.
+        residual: ||violation||_2.
+        rank, own_rank, sigma_min, singularity: as in `Spectrum`, of the level's equality rows and of those inequality
+            rows that are active or violated at x: a row that x keeps away from binds nothing.
+    """
+
+    name: str
+    violation: FloatArray
+    residual: float
+    rank: int
+    own_rank: int
+    sigma_min: float
+    singularity: Singularity
+
+
+def diagnose(
+    problem: Problem,
+    x: ArrayLike,
+    rank_tolerance: float = RANK_TOLERANCE,
+    *,
+    active_tolerance: float = ACTIVE_TOLERANCE,
+) -> tuple[LevelReport, ...]:
+    """Judge x level by level: violation, residual, rank in the null space of the earlier levels, kind of singularity.
+
+    The rows that take freedom from later levels are the equalities and the inequality rows that are active or violated
+    at x; active hard rows come before level 1. Every level is normalised by a power of two first, so that its scale
+    (1e-150 or 1e150) matters nowhere.
+
+    Args:
+        problem: the problem that x answers.
+        x: (n,) finite.
+        rank_tolerance: a singular value of A_k Z counts as zero when <= rank_tolerance * ||A_k||_2, >= 0.
+        active_tolerance: see `ACTIVE_TOLERANCE`.
+
+    Raises:
+        ProblemError: x is not n finite numbers.
+        SettingError: a tolerance that is negative or not finite.
+
+    Source: equation (12) of the paper; the rank rule is the library's own.
+    """
+    point = checked_point(x, problem.n)
+    require_tolerance("rank_tolerance", rank_tolerance)
+    require_tolerance("active_tolerance", active_tolerance)
+    violations = [violation(level, point) for level in problem.levels]
+    if problem.is_equality:
+        chosen = [level.A for level in problem.levels]
+    else:
+        chosen = [level.A[binding(level, point, active_tolerance)] for level in problem.levels]
+    hard = problem.hard
+    first = None if hard is None or not hard.m else hard.A[binding(hard, point, active_tolerance)]
+    ranks = _spectra(
+        ((level.A, rows) for level, rows in zip(problem.levels, chosen, strict=True)), first, rank_tolerance
+    )
+    return tuple(
+        LevelReport(
+            name=name,
+            violation=error,
+            residual=norm(error),
+            rank=spectrum.rank,
+            own_rank=spectrum.own_rank,
+            sigma_min=spectrum.sigma_min,
+            singularity=spectrum.singularity,
+        )
+        for name, error, spectrum in zip(problem.names, violations, ranks, strict=True)
+    )
+
+
+def spectra(problem: Problem, rank_tolerance: float = RANK_TOLERANCE) -> tuple[Spectrum, ...]:
+    """Ranks, sigma_min and kind of singularity of every level, without an x: every row counts as an equality.
+
+    Hard rows are left out. Raises `SettingError` when rank_tolerance is negative or not finite.
+    """
+    require_tolerance("rank_tolerance", rank_tolerance)
+    return tuple(_spectra(((level.A, level.A) for level in problem.levels), None, rank_tolerance))
+
+
+def _spectra(
+    levels: Iterable[tuple[FloatArray, FloatArray]], first: FloatArray | None, rank_tolerance: float
+) -> list[Spectrum]:
+    """`levels`: for each, the whole A_k, whose norm the rank rule speaks of, and the rows that bind."""
+    Z: FloatArray | None = None
+    if first is not None and len(first):
+        Z = remaining(first, None, rank_tolerance)[1]
+    found = []
+    for A, rows in levels:
+        m, n = rows.shape
+        if m == 0:
+            found.append(Spectrum(0, 0, math.inf, Singularity.NONE))
+            continue
+        scaled, exponent = normalised(rows)
+        own: FloatArray
+        if Z is None:
+            _, own, Vt = np.linalg.svd(scaled)
+        else:
+            own = np.linalg.svd(scaled, compute_uv=False)
+        cut = rank_tolerance * (float(own[0]) if rows is A else two_norm(np.ldexp(A, -exponent)))
+        own_rank = int((own > cut).sum())
+        if Z is None:
+            rank, sigma_min = own_rank, float(own[-1])
+            Z = Vt[rank:].T
+        elif Z.shape[1] == 0:
+            rank, sigma_min = 0, 0.0
+        else:
+            _, sigma, Vt = np.linalg.svd(scaled @ Z)
+            rank, sigma_min = min(int((sigma > cut).sum()), own_rank), float(sigma[-1])
+            Z = Z @ Vt[rank:].T
+        found.append(
+            Spectrum(rank, own_rank, math.ldexp(sigma_min, exponent), Singularity.of(rank, own_rank, min(m, n)))
+        )
+    return found
+
+
+def remaining(A: FloatArray, Z: FloatArray | None, rank_tolerance: float) -> tuple[int, FloatArray]:
+    """Rank of A Z by the rank rule, and an orthonormal basis (n, d - rank) of the null space of A within range(Z)."""
+    scaled, _ = normalised(A)
+    cut = rank_tolerance * two_norm(scaled)
+    B = scaled if Z is None else scaled @ Z
+    if min(B.shape) == 0:
+        return 0, np.eye(A.shape[1]) if Z is None else Z
+    _, sigma, Vt = np.linalg.svd(B)
+    rank = int((sigma > cut).sum())
+    return rank, Vt[rank:].T if Z is None else Z @ Vt[rank:].T
+
+
+def violation(level: Level, x: FloatArray) -> FloatArray:
+    """(m,) signed distance of `A x` from [lower, upper]: positive above, negative below, 0 inside."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        value = level.A @ x
+        return np.where(value > level.upper, value - level.upper, np.minimum(value - level.lower, 0.0))
+
+
+def binding(level: Level, x: FloatArray, active_tolerance: float) -> NDArray[np.bool_]:
+    """(m,) bool: the rows that are equalities, violated, or within the active tolerance of a bound at x."""
+    with np.errstate(over="ignore"):
+        value = level.A @ x
+        reach = row_norms(level.A) * norm(x)
+        above = value >= level.upper - active_tolerance * (reach + np.abs(_finite(level.upper)))
+        below = value <= level.lower + active_tolerance * (reach + np.abs(_finite(level.lower)))
+    return np.asarray(above | below | (level.lower == level.upper))
+
+
+def normalised(A: FloatArray) -> tuple[FloatArray, int]:
+    """`A` times 2**-e, with its largest entry in [0.5, 1), and e (0 for a matrix of zeros): no rounding, no overflow."""
+    largest = float(np.abs(A).max(initial=0.0))
+    exponent = math.frexp(largest)[1]
+    return (np.ldexp(A, -exponent) if exponent else A), exponent
+
+
+def norm(v: FloatArray) -> float:
+    """||v||_2 without overflow or underflow."""
+    largest = float(np.abs(v).max(initial=0.0))
+    if largest == 0.0 or not math.isfinite(largest):
+        return largest
+    exponent = math.frexp(largest)[1]
+    w = np.ldexp(v, -exponent)
+    return _ldexp(math.sqrt(float(w @ w)), exponent)
+
+
+def row_norms(A: FloatArray) -> FloatArray:
+    """(m,) ||a_i||_2 of every row, without overflow or underflow of a level's common scale."""
+    scaled, exponent = normalised(A)
+    return np.ldexp(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)), exponent)
+
+
+def two_norm(A: FloatArray) -> float:
+    """||A||_2, the largest singular value; 0 for an empty matrix."""
+    return float(np.linalg.svd(A, compute_uv=False)[0]) if min(A.shape) else 0.0
+
+
+def checked_point(x: ArrayLike, n: int, what: str = "x") -> FloatArray:
+    """`x` as a float64 vector (n,). Raises `ProblemError` when it is not n finite numbers."""
+    try:
+        point = np.asarray(x, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{what} is {x!r}; it must be {n} finite numbers, one for each unknown.") from None
+    if point.shape != (n,) or not np.isfinite(point).all():
+        raise ProblemError(f"{what} must be {n} finite numbers, one for each unknown; got {point.tolist()}.")
+    return point
+
+
+def require_tolerance(name: str, value: float) -> None:
+    """Raises `SettingError` unless `value` is a finite number >= 0."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
+        raise SettingError(f"{name} is {value!r}; it must be a finite number >= 0.")
+
+
+def _ldexp(value: float, exponent: int) -> float:
+    try:
+        return math.ldexp(value, exponent)
+    except OverflowError:
+        return math.inf
+
+
+def _finite(bound: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(bound), bound, 0.0)

@@ -1,0 +1,147 @@
+"""Problems as files, so that any case can be replayed: plain .npz, no pickle, with a format version."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pathlib
+import tempfile
+import zipfile
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from hqp_rp.core.errors import FileError, ProblemError, SettingError
+from hqp_rp.core.problem import Level, Problem
+
+FORMAT = "hqp_rp problem"
+VERSION = 1
+
+PathLike: TypeAlias = str | os.PathLike[str]
+
+
+def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.Path:
+    """Write `problem` to `path` and return the path. The file appears whole or not at all.
+
+    The .npz holds `format`, `version`, `matrix` (M, n), `lower`, `upper` (M,), `offsets` (p + 1,), `names` (p,), when
+    there are hard rows `hard_A`, `hard_lower`, `hard_upper`, `hard_name`, and `metadata`, a JSON object. Every float comes
+    back to the last bit.
+
+    Args:
+        problem: the problem.
+        path: where to write; an existing file is replaced.
+        metadata: what else to keep (seed, solver, origin ...): numbers, strings, None, lists, dicts, arrays.
+
+    Raises:
+        FileError: the file cannot be written; the message names it.
+        SettingError: a metadata value that JSON cannot hold.
+    """
+    target = pathlib.Path(path)
+    arrays: dict[str, Any] = {
+        "format": np.array(FORMAT),
+        "version": np.array(VERSION),
+        "matrix": problem.matrix,
+        "lower": problem.lower,
+        "upper": problem.upper,
+        "offsets": problem.offsets,
+        "names": np.array(problem.names, dtype=np.str_),
+        "metadata": np.array(_encoded(metadata)),
+    }
+    if problem.hard is not None:
+        hard = problem.hard
+        arrays |= {
+            "hard_A": hard.A,
+            "hard_lower": hard.lower,
+            "hard_upper": hard.upper,
+            "hard_name": np.array(hard.name),
+        }
+    partial = None
+    try:
+        with tempfile.NamedTemporaryFile(dir=target.parent, prefix=target.name, suffix=".part", delete=False) as file:
+            partial = file.name
+            np.savez(file, allow_pickle=False, **arrays)
+        os.replace(partial, target)
+    except OSError as error:
+        if partial is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(partial)
+        raise FileError(f"{target}: the problem cannot be written ({error.strerror or error}).") from error
+    return target
+
+
+def load_problem(path: PathLike) -> Problem:
+    """The problem in a file that `save_problem` wrote.
+
+    Raises `FileError`, which names the file, when it is missing, is damaged, is no problem file, or is of a format version
+    that this release does not know.
+    """
+    return _read(path)[0]
+
+
+def load_metadata(path: PathLike) -> dict[str, Any]:
+    """The metadata in a file that `save_problem` wrote; raises `FileError` as `load_problem` does."""
+    return _read(path)[1]
+
+
+def _read(path: PathLike) -> tuple[Problem, dict[str, Any]]:
+    source = pathlib.Path(path)
+    try:
+        with np.load(source, allow_pickle=False) as archive:
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise FileError(f"{source}: a single array, not a problem file; write one with save_problem.")
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError:
+        raise FileError(f"{source}: there is no such file.") from None
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, NotImplementedError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"{source}: not a readable .npz problem file ({error}).") from error
+    except Exception as error:  # zlib.error and whatever else a damaged archive sets off
+        raise FileError(f"{source}: damaged ({error}).") from error
+    return _assembled(source, arrays)
+
+
+def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
+    if str(arrays.get("format")) != FORMAT:
+        raise FileError(f"{source}: not a problem file (it holds {', '.join(sorted(arrays)) or 'nothing'}).")
+    version = arrays.get("version")
+    if version is None or version.shape != () or version.dtype.kind not in "iu" or int(version) != VERSION:
+        raise FileError(f"{source}: format version {version}; this release of hqp_rp reads version {VERSION}.")
+    try:
+        hard = None
+        if "hard_A" in arrays:
+            bounds = arrays["hard_lower"], arrays["hard_upper"]
+            hard = Level(arrays["hard_A"], *bounds, name=str(arrays["hard_name"]))
+        problem = Problem.from_stacked(
+            arrays["matrix"],
+            arrays["lower"],
+            arrays["upper"],
+            arrays["offsets"],
+            names=[str(name) for name in np.atleast_1d(arrays["names"])],
+            hard=hard,
+        )
+        metadata = json.loads(str(arrays["metadata"]))
+    except KeyError as error:
+        raise FileError(f"{source}: the array {error.args[0]!r} is missing.") from error
+    except ProblemError as error:
+        raise FileError(f"{source}: {error}") from error
+    except ValueError as error:
+        raise FileError(f"{source}: its metadata is not a JSON object ({error}).") from error
+    if not isinstance(metadata, dict):
+        raise FileError(f"{source}: its metadata is a {type(metadata).__name__}, not a JSON object.")
+    return problem, metadata
+
+
+def _encoded(metadata: dict[str, Any]) -> str:
+    def plain(value: object) -> object:
+        if isinstance(value, np.ndarray | np.generic):
+            return value.tolist()
+        raise TypeError(f"a {type(value).__name__}")
+
+    try:
+        return json.dumps(metadata, default=plain)
+    except (TypeError, ValueError) as error:
+        raise SettingError(
+            f"The metadata cannot be kept: {error}; give numbers, strings, None, lists, dicts or arrays."
+        ) from error
