@@ -1,1 +1,36 @@
 """Robots behind one protocol: MuJoCo and Pinocchio adapters, and arms made from their DH rows."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hqp_rp.robot.arms import planar_arm, sawyer
+    from hqp_rp.robot.dh import DHArm, Link
+    from hqp_rp.robot.mujoco_arm import arm_spec
+    from hqp_rp.robot.mujoco_robot import MujocoRobot
+    from hqp_rp.robot.robot import Robot
+
+__all__ = ["DHArm", "Link", "MujocoRobot", "Robot", "arm_spec", "planar_arm", "sawyer"]
+
+# A robot library is imported when its adapter is first used, and never by `import hqp_rp.robot`.
+_LAZY = {
+    "DHArm": "dh",
+    "Link": "dh",
+    "MujocoRobot": "mujoco_robot",
+    "Robot": "robot",
+    "arm_spec": "mujoco_arm",
+    "planar_arm": "arms",
+    "sawyer": "arms",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module 'hqp_rp.robot' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"hqp_rp.robot.{_LAZY[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,100 @@
+"""Names of frames, and the checks of configurations, shared by the robot adapters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.core.problem import FloatArray
+
+
+class FrameTable:
+    """Name -> index of every frame that has a name.
+
+    A name borne by two frames of different kind (a body and a site called "hand") is ambiguous alone and is taken as
+    "body:hand" or "site:hand". Frames without a name cannot be asked for. A joint frame yields its bare name to a body
+    or site of the same name, and is then reached as "joint:NAME".
+
+    Args:
+        entries: (kind, name, index) of each frame.
+    """
+
+    def __init__(self, entries: Iterable[tuple[str, str, int]]) -> None:
+        bearers: dict[str, list[tuple[str, int]]] = {}
+        for kind, name, index in entries:
+            if name:
+                bearers.setdefault(name, []).append((kind, index))
+        self.index: dict[str, int] = {}
+        self._ambiguous: dict[str, list[str]] = {}
+        for name, frames in bearers.items():
+            main = [(kind, index) for kind, index in frames if kind != "joint"] or frames
+            if len(main) == 1:
+                self.index[name] = main[0][1]
+                qualified = [entry for entry in frames if entry not in main]
+            else:
+                self._ambiguous[name] = [f"{kind}:{name}" for kind, _ in main]
+                qualified = frames
+            for kind, index in qualified:
+                self.index[f"{kind}:{name}"] = index
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name that is accepted, in the order of the model."""
+        return tuple(self.index)
+
+    def error(self, name: object, robot: str) -> RobotError:
+        """The error for a name that is not in the table: ambiguous, or unknown with the nearest and all valid ones."""
+        if isinstance(name, str) and name in self._ambiguous:
+            choices = " or ".join(repr(choice) for choice in self._ambiguous[name])
+            return RobotError(f"The frame name {name!r} of {robot} is ambiguous: write {choices}.")
+        return RobotError(str(unknown_name(f"frame of {robot}", name, self.index)))
+
+
+def checked_vector(value: ArrayLike, size: int, what: str) -> FloatArray:
+    """`value` as (size,) float64, not copied where it is one. Raises `RobotError` on a wrong size or a NaN."""
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape != (size,):
+        raise RobotError(f"{what} has shape {vector.shape}; it must be ({size},).")
+    # One product instead of a mask: any NaN or infinity makes it so; a huge finite vector is looked at again.
+    if not math.isfinite(vector.dot(vector)) and not np.isfinite(vector).all():
+        i = int(np.flatnonzero(~np.isfinite(vector))[0])
+        raise RobotError(f"{what}[{i}] is {vector[i]}; every entry must be finite.")
+    return vector
+
+
+def checked_limit(
+    value: ArrayLike | Mapping[str, float], names: tuple[str, ...], widths: tuple[int, ...]
+) -> FloatArray:
+    """(nv,) velocity limits, read-only: one number for all, (nv,) numbers, or joint name -> number (others infinite).
+
+    Args:
+        names, widths: the joints and how many velocities each has.
+    """
+    nv = sum(widths)
+    if isinstance(value, Mapping):
+        for name in value:
+            if name not in names:
+                raise RobotError(str(unknown_name("joint", name, names)))
+        parts = [np.full(width, float(value.get(name, math.inf))) for name, width in zip(names, widths, strict=True)]
+        limit = np.concatenate(parts) if parts else np.zeros(0)
+    else:
+        limit = np.array(value, dtype=np.float64)
+        limit = np.full(nv, float(limit)) if limit.ndim == 0 else limit
+    if limit.shape != (nv,):
+        raise RobotError(
+            f"velocity_limit has shape {limit.shape}; it must be one number, ({nv},) or a mapping by joint."
+        )
+    bad = np.flatnonzero(~(limit >= 0.0))
+    if bad.size:
+        raise RobotError(f"velocity_limit[{bad[0]}] is {limit[bad[0]]}; it must be >= 0 (infinite means none).")
+    return frozen(limit)
+
+
+def frozen(array: FloatArray) -> FloatArray:
+    """The array itself, made read-only."""
+    array.flags.writeable = False
+    return array

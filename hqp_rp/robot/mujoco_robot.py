@@ -1,0 +1,265 @@
+"""The MuJoCo adapter: any MJCF or URDF file, any MjModel, and the arms of the library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hqp_rp.core.errors import RobotError
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.dh import DHArm
+from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen
+from hqp_rp.robot.mujoco_arm import arm_spec
+
+_QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+
+
+class MujocoRobot:
+    """A `Robot` computed by MuJoCo.
+
+    Frames are the named bodies and sites; a name borne by both is asked for as "body:NAME" or "site:NAME". The world
+    is the body "world". Configuration and velocity follow MuJoCo: a free joint has position and quaternion (w, x, y, z)
+    in q, linear velocity in world axes and angular velocity in body axes in v; a ball joint has a quaternion in q.
+    Quaternions need not be normalized, but must not be zero.
+
+    `model` is the compiled model. `data` is a simulation state of its own, at `neutral` to begin with, for
+    `mujoco.mj_step(robot.model, robot.data)`: `update` and the other methods neither read nor change it, they compute on
+    a private state whose velocity is always zero.
+
+    Every array returned is fresh, except `lower`, `upper`, `velocity_limit`, `neutral` and `q`, which are read-only.
+    The centre of mass is that of the bodies that can move; what is fixed to the world does not count.
+
+    Args:
+        model: a compiled model.
+        velocity_limit: what MJCF cannot say: one number, (nv,) numbers or a mapping by joint name; default infinite.
+        neutral: (nq,) the reference configuration; default `model.qpos0`.
+
+    Raises:
+        RobotError: a limit or a configuration that does not fit the model.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        velocity_limit: ArrayLike | Mapping[str, float] | None = None,
+        neutral: ArrayLike | None = None,
+    ) -> None:
+        if not isinstance(model, mujoco.MjModel):
+            raise RobotError(f"model is a {type(model).__name__}; give a mujoco.MjModel, or use MujocoRobot.from_file.")
+        self._model = model
+        self._name = f"the MuJoCo model {_model_name(model)!r}"
+        self._joint_names = tuple(model.joint(j).name or f"unnamed_joint_{j}" for j in range(model.njnt))
+        widths = tuple(np.diff([*model.jnt_dofadr, model.nv]).tolist())
+        limit = np.inf if velocity_limit is None else velocity_limit
+        self._velocity_limit = checked_limit(limit, self._joint_names, widths)
+        self._lower, self._upper = _position_limits(model)
+        self._quaternions = tuple(
+            int(model.jnt_qposadr[j]) + _QUATERNION[int(model.jnt_type[j])]
+            for j in range(model.njnt)
+            if int(model.jnt_type[j]) in _QUATERNION
+        )
+        # Sites are numbered after the bodies: one integer says which frame it is.
+        self._nbody = int(model.nbody)
+        bodies = [("body", model.body(i).name, i) for i in range(model.nbody)]
+        sites = [("site", model.site(i).name, model.nbody + i) for i in range(model.nsite)]
+        self._table = FrameTable([*bodies, *sites])
+        self._index = self._table.index
+
+        data = mujoco.MjData(model)
+        self._data = data
+        self._qpos = data.qpos
+        self._body_pose = (data.xmat.reshape(-1, 3, 3), data.xpos)
+        self._site_pose = (data.site_xmat.reshape(-1, 3, 3), data.site_xpos)
+        fixed = np.flatnonzero(model.body_treeid < 0)
+        self._fixed = fixed[model.body_mass[fixed] > 0.0]
+        self._moving_mass = float(model.body_subtreemass[0] - model.body_mass[self._fixed].sum())
+        neutral = model.qpos0 if neutral is None else neutral
+        self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
+        self._simulation: mujoco.MjData | None = None
+        self.update(self._neutral)
+
+    @classmethod
+    def from_arm(cls, arm: DHArm, *, timestep: float = 0.001, gravity_compensation: bool = True) -> MujocoRobot:
+        """The robot of `arm_spec(arm, ...)`: see there for what the model is. Errors as `arm_spec`."""
+        model = arm_spec(arm, timestep=timestep, gravity_compensation=gravity_compensation).compile()
+        return cls(model, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
+
+    @classmethod
+    def from_spec(
+        cls,
+        spec: mujoco.MjSpec,
+        *,
+        velocity_limit: ArrayLike | Mapping[str, float] | None = None,
+        neutral: ArrayLike | None = None,
+    ) -> MujocoRobot:
+        """The robot of an MjSpec, compiled here. Raises `RobotError` with MuJoCo's message when it does not compile."""
+        try:
+            model = spec.compile()
+        except ValueError as error:
+            raise RobotError(f"MuJoCo does not compile the model {spec.modelname!r}: {error}") from error
+        return cls(model, velocity_limit=velocity_limit, neutral=neutral)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model."""
+        return self._model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The simulation state, made on first use at `neutral` and never touched by this object afterwards."""
+        if self._simulation is None:
+            self._simulation = mujoco.MjData(self._model)
+            self._simulation.qpos[:] = self._neutral
+            mujoco.mj_forward(self._model, self._simulation)
+        return self._simulation
+
+    @property
+    def nq(self) -> int:
+        return int(self._model.nq)
+
+    @property
+    def nv(self) -> int:
+        return int(self._model.nv)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return self._joint_names
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        return self._table.names
+
+    @property
+    def lower(self) -> FloatArray:
+        return self._lower
+
+    @property
+    def upper(self) -> FloatArray:
+        return self._upper
+
+    @property
+    def velocity_limit(self) -> FloatArray:
+        return self._velocity_limit
+
+    @property
+    def neutral(self) -> FloatArray:
+        return self._neutral
+
+    @property
+    def q(self) -> FloatArray:
+        return self._q
+
+    def update(self, q: FloatArray) -> None:
+        """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
+        self._q = frozen(self._checked(q, "q").copy())
+        self._qpos[:] = self._q
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+
+    def pose(self, frame: str) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) from frame to world and origin (3,) of `frame` in the world."""
+        index = self._frame(frame)
+        if index < self._nbody:
+            rotations, origins = self._body_pose
+        else:
+            rotations, origins = self._site_pose
+            index -= self._nbody
+        return rotations[index].copy(), origins[index].copy()
+
+    def jacobian(self, frame: str) -> FloatArray:
+        """(6, nv): linear velocity of the frame's origin over angular velocity, both in world axes, per unit v."""
+        index = self._frame(frame)
+        jacobian = np.empty((6, self._model.nv))
+        if index < self._nbody:
+            mujoco.mj_jacBody(self._model, self._data, jacobian[:3], jacobian[3:], index)
+        else:
+            mujoco.mj_jacSite(self._model, self._data, jacobian[:3], jacobian[3:], index - self._nbody)
+        return jacobian
+
+    def center_of_mass(self) -> FloatArray:
+        """(3,) centre of mass of the bodies that can move, in the world. Raises `RobotError` where nothing can."""
+        total = float(self._model.body_subtreemass[0])
+        moment = total * self._data.subtree_com[0]
+        if self._fixed.size:
+            moment = moment - self._model.body_mass[self._fixed] @ self._data.xipos[self._fixed]
+        return np.asarray(moment / self._require_mass())
+
+    def center_of_mass_jacobian(self) -> FloatArray:
+        """(3, nv) velocity of that centre of mass in world axes, per unit v."""
+        jacobian = np.empty((3, self._model.nv))
+        mujoco.mj_jacSubtreeCom(self._model, self._data, jacobian, 0)
+        jacobian *= float(self._model.body_subtreemass[0]) / self._require_mass()
+        return jacobian
+
+    def mass_matrix(self) -> FloatArray:
+        """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""
+        mujoco.mj_makeM(self._model, self._data)
+        matrix = np.empty((self._model.nv, self._model.nv))
+        mujoco.mj_fullM(self._model, self._data, matrix)
+        return matrix
+
+    def gravity(self) -> FloatArray:
+        """(nv,) gravity torque g(q) in M(q) a + h(q, v) + g(q) = tau, before any gravity compensation of the model."""
+        torque = np.empty(self._model.nv)
+        mujoco.mj_rne(self._model, self._data, 0, torque)
+        return torque
+
+    def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
+        """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
+        result = self._checked(q, "q").copy()
+        mujoco.mj_integratePos(self._model, result, checked_vector(v, self.nv, "v"), dt)
+        return result
+
+    def difference(self, q0: FloatArray, q1: FloatArray) -> FloatArray:
+        """(nv,) velocity that leads from q0 to q1 in one second."""
+        velocity = np.empty(self._model.nv)
+        mujoco.mj_differentiatePos(self._model, velocity, 1.0, self._checked(q0, "q0"), self._checked(q1, "q1"))
+        return velocity
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q)
+
+    def __repr__(self) -> str:
+        return f"MujocoRobot({_model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self._index)} frames)"
+
+    def _frame(self, frame: str) -> int:
+        try:
+            return self._index[frame]
+        except (KeyError, TypeError):
+            raise self._table.error(frame, self._name) from None
+
+    def _checked(self, q: ArrayLike, what: str) -> FloatArray:
+        vector = checked_vector(q, self._model.nq, what)
+        for start in self._quaternions:
+            if not vector[start : start + 4].any():
+                raise RobotError(f"{what}[{start}:{start + 4}] is a zero quaternion; it must have a direction.")
+        return vector
+
+    def _require_mass(self) -> float:
+        if self._moving_mass <= 0.0:
+            raise RobotError(f"{self._name} has no moving mass, hence no centre of mass.")
+        return self._moving_mass
+
+
+def _rebuild(model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray) -> MujocoRobot:
+    robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral)
+    robot.update(q)
+    return robot
+
+
+def _model_name(model: mujoco.MjModel) -> str:
+    return bytes(model.names).split(b"\0", 1)[0].decode()
+
+
+def _position_limits(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
+    lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
+    scalar = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    for j in range(model.njnt):
+        if model.jnt_limited[j] and int(model.jnt_type[j]) in scalar:
+            lower[model.jnt_dofadr[j]], upper[model.jnt_dofadr[j]] = model.jnt_range[j]
+    return frozen(lower), frozen(upper)
