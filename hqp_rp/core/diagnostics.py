@@ -149,7 +149,7 @@ def _spectra(
             found.append(Spectrum(0, 0, math.inf, Singularity.NONE))
             continue
         scaled, exponent = normalised(rows)
-        own: FloatArray
+        own: NDArray[np.floating]
         if Z is None:
             _, own, Vt = np.linalg.svd(scaled)
         else:
@@ -201,7 +201,7 @@ def binding(level: Level, x: FloatArray, active_tolerance: float) -> NDArray[np.
 
 
 def normalised(A: FloatArray) -> tuple[FloatArray, int]:
-    """`A` times 2**-e, with its largest entry in [0.5, 1), and e (0 for a matrix of zeros): no rounding, no overflow."""
+    """`A` times 2**-e, its largest entry in [0.5, 1), and e (0 for a matrix of zeros): no rounding, no overflow."""
     largest = float(np.abs(A).max(initial=0.0))
     exponent = math.frexp(largest)[1]
     return (np.ldexp(A, -exponent) if exponent else A), exponent
@@ -220,7 +220,8 @@ def norm(v: FloatArray) -> float:
 def row_norms(A: FloatArray) -> FloatArray:
     """(m,) ||a_i||_2 of every row, without overflow or underflow of a level's common scale."""
     scaled, exponent = normalised(A)
-    return np.ldexp(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)), exponent)
+    norms: FloatArray = np.ldexp(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)), exponent)
+    return norms
 
 
 def two_norm(A: FloatArray) -> float:

@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import pathlib
-import tempfile
+import uuid
 import zipfile
 from typing import Any, TypeAlias
 
@@ -25,8 +25,8 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
     """Write `problem` to `path` and return the path. The file appears whole or not at all.
 
     The .npz holds `format`, `version`, `matrix` (M, n), `lower`, `upper` (M,), `offsets` (p + 1,), `names` (p,), when
-    there are hard rows `hard_A`, `hard_lower`, `hard_upper`, `hard_name`, and `metadata`, a JSON object. Every float comes
-    back to the last bit.
+    there are hard rows `hard_A`, `hard_lower`, `hard_upper`, `hard_name`, and `metadata`, a JSON object. Every float
+    comes back to the last bit.
 
     Args:
         problem: the problem.
@@ -56,16 +56,14 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
             "hard_upper": hard.upper,
             "hard_name": np.array(hard.name),
         }
-    partial = None
+    partial = target.with_name(f".{target.name}.{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
     try:
-        with tempfile.NamedTemporaryFile(dir=target.parent, prefix=target.name, suffix=".part", delete=False) as file:
-            partial = file.name
+        with partial.open("xb") as file:
             np.savez(file, allow_pickle=False, **arrays)
-        os.replace(partial, target)
+        partial.replace(target)
     except OSError as error:
-        if partial is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(partial)
+        with contextlib.suppress(OSError):
+            partial.unlink()
         raise FileError(f"{target}: the problem cannot be written ({error.strerror or error}).") from error
     return target
 
@@ -73,8 +71,8 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
 def load_problem(path: PathLike) -> Problem:
     """The problem in a file that `save_problem` wrote.
 
-    Raises `FileError`, which names the file, when it is missing, is damaged, is no problem file, or is of a format version
-    that this release does not know.
+    Raises `FileError`, which names the file, when it is missing, is damaged, is no problem file, or is of a format
+    version that this release does not know.
     """
     return _read(path)[0]
 
