@@ -1,5 +1,5 @@
 # Two commands do everything on a machine with Python 3.11 or later, git and make: `make report` and `make test`.
-# PYTHON chooses the interpreter that .venv is made from: make test PYTHON=/opt/python/bin/python3.12
+# PYTHON chooses the interpreter that .venv is made from: make test PYTHON=python3.12
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 REPORT := report
 NEW_ENOUGH := import sys; assert sys.version_info >= (3, 11)
 
-# A few worker processes: each compiles the kernels for itself (see tests/conftest.py), so many of them do not pay.
+# Each worker process compiles the kernels for itself (see tests/conftest.py), so more than a few of them do not pay.
 TEST_WORKERS ?= auto
 PYTEST_ARGS ?=
 
@@ -15,13 +15,14 @@ PYTEST_ARGS ?=
 .DELETE_ON_ERROR:
 SHELL := /bin/sh
 
-.PHONY: help setup report quick test lint types check clean distclean
+.PHONY: help setup report quick test coverage check lint types clean distclean
 
 help:
 	@echo "make report   compare every solver on every scenario and write $(REPORT)/ (sets up $(VENV) when it is missing)"
 	@echo "make quick    the same with fewer steps, for a first look"
 	@echo "make test     run the tests (sets up $(VENV) when it is missing)"
 	@echo "make check    formatting, linters, type checks and the direction of imports"
+	@echo "make coverage which lines the tests reach"
 	@echo "make setup    set up $(VENV), and bring it up to date when pyproject.toml or constraints.txt changed"
 	@echo "make clean    remove reports, caches and build output;  make distclean  also removes $(VENV)"
 
@@ -38,6 +39,14 @@ test: export OMP_NUM_THREADS ?= 1
 test: export OPENBLAS_NUM_THREADS ?= 1
 test: setup
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --maxprocesses 4 $(PYTEST_ARGS)
+
+# Without compilation, so that the lines of the kernels are seen; slow.
+coverage: export NUMBA_DISABLE_JIT = 1
+coverage: setup
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest $(PYTEST_ARGS)
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report
 
 check: lint types
 
@@ -78,7 +87,7 @@ $(BIN)/usable:
 	exit 1
 
 clean:
-	rm -rf $(REPORT) runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .coverage
+	rm -rf $(REPORT) runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .coverage .coverage.*
 	find hqp_rp solvers scenarios tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
