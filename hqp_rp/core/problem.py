@@ -118,6 +118,7 @@ class Problem:
         hard: `Level` or None.
         n, p: number of unknowns and of levels.
         is_equality: every row of every level is an equality.
+        stacked: (matrix, lower, upper, offsets) for compiled kernels, which know only writable arrays; never write to it.
 
     Raises:
         ProblemError: no level, no unknown, or levels that do not fit together; it names the level and the remedy.
@@ -125,8 +126,9 @@ class Problem:
     Source: equations (2), (9) of the paper; Escande, Mansard and Wieber 2014 for two-sided rows at any level.
     """
 
-    __slots__ = ("_levels", "hard", "is_equality", "lower", "matrix", "n", "names", "offsets", "p", "upper")
+    __slots__ = ("_levels", "hard", "is_equality", "lower", "matrix", "n", "names", "offsets", "p", "stacked", "upper")
 
+    stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray]
     matrix: FloatArray
     lower: FloatArray
     upper: FloatArray
@@ -146,7 +148,7 @@ class Problem:
         upper = lower if equality else np.concatenate([level.upper for level in levels])
         matrix = np.ascontiguousarray(np.concatenate([level.A for level in levels], axis=0))
         names = tuple(level.name or f"level {k + 1}" for k, level in enumerate(levels))
-        self._fill(_frozen(matrix), _frozen(lower), _frozen(upper), _frozen(offsets), names, hard, equality)
+        self._fill((matrix, lower, upper, offsets), names, hard, equality, read_only=True)
 
     @classmethod
     def from_stacked(
@@ -172,28 +174,27 @@ class Problem:
         if names is None:
             names = [f"level {k + 1}" for k in range(len(offsets) - 1)]
         equality = lower is upper or bool((lower == upper).all())
-        problem._fill(matrix, lower, upper, offsets, tuple(names), hard, equality)
+        problem._fill((matrix, lower, upper, offsets), tuple(names), hard, equality, read_only=False)
         return problem
 
     def _fill(
         self,
-        matrix: FloatArray,
-        lower: FloatArray,
-        upper: FloatArray,
-        offsets: IntArray,
+        stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray],
         names: tuple[str, ...],
         hard: Level | None,
         equality: bool,
+        *,
+        read_only: bool,
     ) -> None:
+        public = tuple(_frozen(array.view()) for array in stacked) if read_only else stacked
         set_ = object.__setattr__
-        set_(self, "matrix", matrix)
-        set_(self, "lower", lower)
-        set_(self, "upper", upper)
-        set_(self, "offsets", offsets)
+        set_(self, "stacked", stacked)
+        for name, array in zip(("matrix", "lower", "upper", "offsets"), public, strict=True):
+            set_(self, name, array)
         set_(self, "names", names)
         set_(self, "hard", hard)
-        set_(self, "n", matrix.shape[1])
-        set_(self, "p", len(offsets) - 1)
+        set_(self, "n", stacked[0].shape[1])
+        set_(self, "p", len(stacked[3]) - 1)
         set_(self, "is_equality", equality)
         set_(self, "_levels", None)
 
