@@ -1,0 +1,177 @@
+"""What is done to a QP's answer before it is believed: refinement on its active rows, and a bound from duality."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.qp_backend import SlackQP
+
+_ACTIVE = 1e-7  # Multipliers and violations of a scaled QP above this count as nonzero at first.
+_FEASIBLE = 1e-13  # Rounding of a scaled QP's rows, relative to their terms.
+_PASSES = 12
+
+
+def polish(qp: SlackQP, t: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The exact answer on the active rows that (t, y) points at, or (t, y) when those rows are not the right ones.
+
+    With hard rows G at their bounds and soft rows M violated, solves `min ||S w - c||^2 + ||M t - bounds||^2` subject
+    to `G t = bounds` by orthogonal factorization, as a least correction of t. Rows that turn out violated, or held by a
+    multiplier of the wrong sign, change sides; after a bounded number of passes without agreement the answer stays as it was.
+
+    Source: solution polishing, Stellato, Banjac, Goulart, Bemporad and Boyd 2020, section 5.2, with changes of the set.
+
+    Args:
+        qp: the QP. t: (n,), y: (m,), what a back end answered.
+    """
+    soft = qp.soft
+    root = np.sqrt(qp.hessian)
+    curved = root > 0.0
+    c = np.where(curved, -qp.gradient / np.where(curved, root, 1.0), 0.0)
+    J = np.diag(root)[curved]
+    c = c[curved]
+    side = _sides(qp, t, y)
+    seen = set()
+    for _ in range(_PASSES):
+        key = side.tobytes()
+        if key in seen:
+            break
+        seen.add(key)
+        bound = np.where(side > 0, qp.upper, qp.lower)
+        violated = np.flatnonzero(side[:soft])
+        active = soft + np.flatnonzero(side[soft:])
+        M = np.concatenate([J, qp.rows[violated]])
+        G = qp.rows[active]
+        target = np.concatenate([c, bound[violated]])
+        step, N = _constrained_step(M, target - M @ t, G, bound[active] - G @ t)
+        new = t + step
+        # One step of iterative refinement brings what the factorization lost.
+        new = new + _constrained_step(M, target - M @ new, G, bound[active] - G @ new, N)[0]
+        gradient = M.T @ (M @ new - target)
+        multipliers = np.linalg.lstsq(G.T, -gradient, rcond=1e-10)[0] if len(active) else np.zeros(0)
+        value = qp.rows @ new
+        slack_y = np.zeros(len(y))
+        slack_y[violated] = value[violated] - bound[violated]
+        slack_y[active] = multipliers
+        changed = _change_sides(qp, new, value, slack_y, side)
+        if changed is None:
+            return new, slack_y
+        side = changed
+    return t, y
+
+
+def _sides(qp: SlackQP, t: FloatArray, y: FloatArray) -> FloatArray:
+    """(m,) +1 for a row beyond or held at its upper bound, -1 at its lower one, else 0."""
+    value = qp.rows @ t
+    beyond = value - np.clip(value, qp.lower, qp.upper)
+    signal = np.where(np.arange(len(y)) < qp.soft, beyond, y)
+    side = np.where(np.abs(signal) > _ACTIVE, np.sign(signal), 0.0)
+    side[(side > 0) & ~np.isfinite(qp.upper)] = 0.0
+    side[(side < 0) & ~np.isfinite(qp.lower)] = 0.0
+    return side
+
+
+def _change_sides(
+    qp: SlackQP, t: FloatArray, value: FloatArray, y: FloatArray, side: FloatArray
+) -> FloatArray | None:
+    """The sides after the rows that disagree with (t, y) have changed, or None when none does."""
+    soft = qp.soft
+    rounding = _FEASIBLE * (1.0 + np.abs(value) + np.linalg.norm(qp.rows, axis=1) * np.linalg.norm(t))
+    wrong = (y * side < -rounding) & (side != 0.0)
+    beyond = value - np.clip(value, qp.lower, qp.upper)
+    missing = (side == 0.0) & (np.abs(beyond) > rounding)
+    if not wrong.any() and not missing.any():
+        return None
+    new = side.copy()
+    new[:soft][wrong[:soft]] = 0.0
+    new[missing] = np.sign(beyond[missing])
+    hard = np.flatnonzero(wrong[soft:])
+    if len(hard) and not missing[soft:].any():
+        # One at a time: letting several hard rows go at once may lose one that is needed.
+        new[soft + hard[np.argmin((y * side)[soft + hard])]] = 0.0
+    return new
+
+
+def _constrained_step(
+    M: FloatArray, residual: FloatArray, G: FloatArray, gap: FloatArray, N: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """argmin ||M step - residual|| subject to G step = gap, of least norm; and a null-space basis of G."""
+    n = M.shape[1]
+    if len(G) == 0:
+        return np.linalg.lstsq(M, residual, rcond=1e-12)[0] if len(M) else np.zeros(n), np.eye(n)
+    U, sigma, Vt = np.linalg.svd(G)
+    rank = int((sigma > 1e-10 * sigma[0]).sum()) if len(sigma) else 0
+    particular = Vt[:rank].T @ ((U[:, :rank].T @ gap) / sigma[:rank])
+    N = Vt[rank:].T
+    if N.shape[1] == 0 or len(M) == 0:
+        return particular, N
+    free = np.linalg.lstsq(M @ N, residual - M @ particular, rcond=1e-12)[0]
+    return particular + N @ free, N
+
+
+def least_violation(qp: SlackQP, t: FloatArray, y: FloatArray) -> float:
+    """A lower bound on `||(S w - c, s)||` over all t that meet the hard rows, in a ball ten times as long as t.
+
+    f is convex, so `f(t') >= f(t) + g . (t' - t)`; with multipliers of the right sign, `g = -K^T y + r`,
+    f* >= f(t) - sum_i |y_i| slack_i - 1/2 ||r_w / S||^2 - ||r_u|| R (Boyd and Vandenberghe 2004, section 5.2). The hard rows'
+    own violation at t enters as negative slack, which can only lower the bound.
+
+    Args:
+        qp: the QP, with S^2 its Hessian where that is positive (w) and no curvature elsewhere (u).
+    """
+    best = _bound(qp, t, y[qp.soft :])
+    K = qp.rows[qp.soft :]
+    if len(K) == 0:
+        return best
+    f, gradient = _objective(qp, t)
+    if best >= np.sqrt(2.0 * f) * (1.0 - 1e-12):
+        return best
+    return max(best, _bound(qp, t, _nonnegative_multipliers(qp, t, gradient)))
+
+
+def _bound(qp: SlackQP, t: FloatArray, y: FloatArray) -> float:
+    f, gradient = _objective(qp, t)
+    K, lower, upper = qp.rows[qp.soft :], qp.lower[qp.soft :], qp.upper[qp.soft :]
+    y = np.where((y > 0) & np.isfinite(upper), y, np.where((y < 0) & np.isfinite(lower), y, 0.0))
+    value = K @ t
+    slack = np.where(y > 0, upper - value, np.where(y < 0, value - lower, 0.0))
+    r = gradient + K.T @ y
+    curved = qp.hessian > 1e-8
+    radius = 10.0 * (1.0 + float(np.linalg.norm(t)))
+    gap = float(np.abs(y) @ np.abs(slack)) + 0.5 * float((r[curved] ** 2 / qp.hessian[curved]).sum())
+    gap += float(np.linalg.norm(r[~curved])) * radius
+    return float(np.sqrt(max(0.0, 2.0 * (f - gap))))
+
+
+def _objective(qp: SlackQP, t: FloatArray) -> tuple[float, FloatArray]:
+    """(1/2 ||(S w - c, violation)||^2, its gradient)."""
+    soft = qp.soft
+    curved = qp.hessian > 0.0
+    root = np.sqrt(qp.hessian[curved])
+    residual = root * t[curved] + qp.gradient[curved] / root
+    value = qp.rows[:soft] @ t
+    violation = value - np.clip(value, qp.lower[:soft], qp.upper[:soft])
+    gradient = qp.rows[:soft].T @ violation
+    gradient[curved] += root * residual
+    return 0.5 * float(residual @ residual + violation @ violation), gradient
+
+
+def _nonnegative_multipliers(qp: SlackQP, t: FloatArray, gradient: FloatArray) -> FloatArray:
+    """Multipliers of the right sign on the rows at their bounds that best balance the gradient."""
+    from scipy.optimize import nnls
+
+    K, lower, upper = qp.rows[qp.soft :], qp.lower[qp.soft :], qp.upper[qp.soft :]
+    value = K @ t
+    at_upper = np.flatnonzero(upper - value < 1e-7)
+    at_lower = np.flatnonzero(value - lower < 1e-7)
+    y = np.zeros(len(K))
+    if len(at_upper) + len(at_lower) == 0:
+        return y
+    columns = np.concatenate([K[at_upper], -K[at_lower]]).T
+    try:
+        weights = nnls(columns, -gradient)[0]
+    except RuntimeError:  # It ran out of iterations: no bound from here.
+        return y
+    y[at_upper] += weights[: len(at_upper)]
+    y[at_lower] -= weights[len(at_upper) :]
+    return y

@@ -1,0 +1,99 @@
+"""Lexicographic QP cascade: one small QP for each level, in the directions that the finished levels leave free."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.qp_backend import check_backend, check_positive
+from hqp_rp.core.qp_level import Cascade
+from hqp_rp.core.qp_workspace import Workspace, judge, minimize_hard_rows, minimize_rows
+from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.solver import Solver
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class QpCascade(Solver):
+    """The lexicographic optimum by a cascade of QPs, two-sided rows at any level and hard rows included.
+
+    Level k minimizes its violation over the directions that the levels before it leave free, keeping what they reached::
+
+        min_{z, s}  1/2 ||s||^2   subject to   lower_k <= A_k (x + Z z) + s <= upper_k,   rows kept from before
+
+    and a last level `min ||x - secondary||` makes the answer unique. Finished equalities, violated rows and rows held by a
+    multiplier leave through an orthonormal basis Z; satisfied rows stay as rows. The equality rows of a level are factored
+    (`A_k Z = U S V^T`), not squared, and the QP is put in the coordinates of that factorization, where it is well
+    conditioned: for a level of equalities alone, with no row kept, `min 1/2 ||w||^2 - (U^T d)^T w`, which the back end solves.
+    Levels are scaled by powers of two first. A level that is met already where it starts needs no QP.
+
+    Hard rows are solved first, with slack: where slack remains they contradict each other. `SOLVED` is never the back end's
+    word: each level is checked at the final x in its own units (avoidable residual, from the factorization or from
+    duality) and each hard row against `tolerance`.
+
+    Settings:
+        backend: "proxqp" and "osqp" through their native interfaces with workspaces kept between calls, or any other name
+            that qpsolvers has installed.
+        eps_abs: absolute (OSQP: also relative) tolerance of each scaled QP. 1e-9 is the best for both: default
+            tolerances leave errors of 1e-3 to 1e-1 in x, smaller ones only cost iterations.
+        max_iterations: limit on each QP.
+        polish: refine an answer on the active rows that the back end found (a QP without rows is left as it came).
+
+    An instance that is kept warm-starts from its last call of the same shape and must not be shared between threads.
+
+    Raises `SettingError` for a back end that is not installed or a setting out of range.
+
+    Source: Kanoun, Lamiraux and Wieber 2011 (the cascade); Escande, Mansard and Wieber 2014, section 2 (the null-space
+    basis, the optimal slacks kept). The coordinates and the check are ours.
+    """
+
+    name: ClassVar[str] = "qp_cascade"
+    summary: ClassVar[str] = "Lexicographic optimum by one QP for each level, in the free directions of the levels before."
+    source: ClassVar[str] = "Kanoun, Lamiraux and Wieber 2011; Escande, Mansard and Wieber 2014, section 2"
+    takes_inequalities: ClassVar[bool] = True
+    takes_hard: ClassVar[bool] = True
+
+    backend: str = "proxqp"
+    eps_abs: float = 1e-9
+    max_iterations: int = 4000
+    polish: bool = True
+    _workspace: Workspace = dataclasses.field(default_factory=Workspace, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        check_backend(self.backend)
+        check_positive("eps_abs", self.eps_abs)
+        if isinstance(self.max_iterations, bool) or not isinstance(self.max_iterations, int) or self.max_iterations < 1:
+            raise SettingError(f"max_iterations is {self.max_iterations!r}; it must be an integer >= 1.")
+
+    @property
+    def tolerance(self) -> float:
+        """Ten times `eps_abs`, but no less than 1e-9."""
+        return max(1e-9, 10.0 * self.eps_abs)
+
+    def is_lexicographic(self, problem: Problem) -> bool:
+        """True: the cascade computes the lexicographic optimum of every problem."""
+        return True
+
+    def reset(self) -> None:
+        """Forget warm starts and workspaces."""
+        self._workspace.clear()
+
+    def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
+        """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
+        start = np.zeros(problem.n) if secondary is None else secondary
+        backend = self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
+        memory = self._workspace.memory(problem)
+        hard = 0 if problem.hard is None else problem.hard.m
+        cascade = Cascade(start, len(problem.matrix) + hard + problem.n, backend, memory, polish=self.polish)
+        with np.errstate(all="ignore"):
+            infeasible = minimize_hard_rows(cascade, problem.hard, self.tolerance)
+            if infeasible is None:
+                for level in problem.levels:
+                    minimize_rows(cascade, level.A, level.lower, level.upper, level.name)
+                cascade.minimize(np.eye(problem.n), start, start, "the nearest answer to the secondary vector")
+            status, message = judge(cascade, problem.hard, self.tolerance, infeasible)
+        x = None if status in (Status.INFEASIBLE, Status.NOT_FINITE) else cascade.x
+        return Solution(problem, x, status, cascade.iterations, message, secondary)
