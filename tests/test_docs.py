@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import importlib
 import io
 import itertools
 import os
@@ -164,3 +165,12 @@ def test_output_that_agrees(expected: str, actual: str) -> None:
 )
 def test_output_that_does_not_agree(expected: str, actual: str) -> None:
     assert mismatch(expected, actual) is not None
+
+
+def test_every_place_named_by_the_equation_table_exists() -> None:
+    text = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
+    places = re.findall(r"`(core|robot|control|solvers|scenarios)/(\w+)\.py(?::(\w+))?`", text)
+    assert len(places) >= 10
+    for folder, module, name in places:
+        found = importlib.import_module(f"hqp_rp.{folder}.{module}")
+        assert not name or hasattr(found, name), f"{folder}/{module}.py has no {name}"
