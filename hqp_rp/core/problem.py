@@ -118,7 +118,7 @@ class Problem:
         hard: `Level` or None.
         n, p: number of unknowns and of levels.
         is_equality: every row of every level is an equality.
-        stacked: (matrix, lower, upper, offsets) for compiled kernels, which know only writable arrays; never write to it.
+        stacked: (matrix, lower, upper, offsets) for compiled kernels, which take only writable arrays; do not write to it.
 
     Raises:
         ProblemError: no level, no unknown, or levels that do not fit together; it names the level and the remedy.

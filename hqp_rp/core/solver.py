@@ -69,7 +69,7 @@ class Solver(abc.ABC):
                 means 0, the answer of least norm.
         """
 
-    def reset(self) -> None:  # noqa: B027 (optional to override: a closed form has nothing to forget)
+    def reset(self) -> None:
         """Forget what was kept between calls (warm starts, workspaces). A closed form keeps nothing."""
 
     def _refusal(self, problem: Problem) -> Solution | None:

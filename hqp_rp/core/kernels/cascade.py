@@ -9,6 +9,7 @@ from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
     factor,
     forward_substitution,
+    frobenius,
     load,
     lower_block,
     spectral,
@@ -49,7 +50,7 @@ def solve_level(W, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, secon
 
 
 @kernel
-def null_space_basis(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[no-untyped-def]
+def null_space(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[no-untyped-def]
     """x = z + sum_k Z_{k-1} (A_k Z_{k-1})^# (b_k - A_k x_{k-1}); True when x is finite.
 
     Damping acts on the pseudo-inverse that gives the level's answer, never on the null space that the level leaves.
@@ -70,7 +71,7 @@ def null_space_basis(A, b, offsets, z, tol, kind, first, second, x):  # type: ig
     start = np.zeros(p + 1, np.int64)
     column = np.zeros(p, np.int64)
     turned = np.zeros(p, np.int64)
-    turns = np.empty((0, n, n))
+    turns = np.empty((1, 0, 0))
     t = np.empty(M)
     y = np.zeros(n)
     c0 = 0
@@ -89,13 +90,14 @@ def null_space_basis(A, b, offsets, z, tol, kind, first, second, x):  # type: ig
         column[k] = c0
         start[k + 1] = start[k] + r
         if len(S):
-            if len(turns) == 0:
+            if turns.shape[1] == 0:
                 turns = np.empty((p, n, n))
             turned[k] = r
             turns[k, :r, :r] = V
         c0 += rank
     for k in range(p - 1, -1, -1):
-        turn_back(W, y, column[k], turns, k, turned[k], start[k], start[k + 1], ref_row, ref_col, ref_tau)
+        V = turns[k, : turned[k], : turned[k]] if turned[k] else turns[0, :0, :0]
+        turn_back(W, y, column[k], V, start[k], start[k + 1], ref_row, ref_col, ref_tau)
     for j in range(n):
         x[j] = z[j] + y[j]
     return finite(x)
@@ -117,7 +119,8 @@ def pseudo_inverse(J, zero, kind, first, second):  # type: ignore[no-untyped-def
 def null_space_projector(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[no-untyped-def]
     """The textbook recursion: x <- x + (A_k P)^# (b_k - A_k x), P <- P - (A_k P)^# A_k P, with P = I at first.
 
-    P drifts away from a projector near an algorithmic singularity; kept so that this can be seen.
+    P drifts away from a projector near an algorithmic singularity; kept so that this can be seen. Returns 0 when x is not
+    finite, else 1 + the largest disturbance of a finished level by a later one, relative to ||A_k|| ||x|| + ||b_k||.
     """
     M, n = A.shape
     p = len(offsets) - 1
@@ -125,9 +128,10 @@ def null_space_projector(A, b, offsets, z, tol, kind, first, second, x):  # type
     rhs = np.empty(M)
     scale = np.empty(p)
     if not load(A, b, offsets, W, rhs, scale):
-        return False
+        return 0.0
     x[:] = z
     P = np.eye(n)
+    reached = np.empty(M)
     for k in range(p):
         r0 = offsets[k]
         r1 = offsets[k + 1]
@@ -136,8 +140,26 @@ def null_space_projector(A, b, offsets, z, tol, kind, first, second, x):  # type
         J = W[r0:r1].copy()
         zero = tol * spectral(W, r0, r1)
         JP = J @ P
-        if not finite(JP.ravel()):
-            return False
+        if not finite(JP.ravel()) or not finite(x):
+            return 0.0
         x += pseudo_inverse(JP, zero, kind, first * scale[k], second * scale[k]) @ (rhs[r0:r1] - J @ x)
         P -= pseudo_inverse(JP, zero, 0, 0.0, 0.0) @ JP
-    return finite(x)
+        reached[r0:r1] = J @ x
+    if not finite(x):
+        return 0.0
+    worst = 0.0
+    for k in range(p):
+        r0 = offsets[k]
+        r1 = offsets[k + 1]
+        size = 0.0
+        disturbed = 0.0
+        for i in range(r0, r1):
+            s = -reached[i]
+            for j in range(n):
+                s += W[i, j] * x[j]
+            disturbed += s * s
+            size += rhs[i] * rhs[i]
+        size = np.sqrt(size) + frobenius(W, r0, r1) * np.sqrt(np.sum(x * x))
+        if size > 0.0:
+            worst = max(worst, np.sqrt(disturbed) / size)
+    return 1.0 + worst

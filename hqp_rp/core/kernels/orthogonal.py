@@ -166,7 +166,7 @@ def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, r
     r = lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau)
     if r == 0:
         return 0, 0, empty, empty, none
-    if not svd and 1.0 > tol * norm * inverse_norm(W, r0, c0, r):
+    if not svd and tol * norm * inverse_norm(W, r0, c0, r) < 1.0:
         return r, r, empty, empty, none
     U, S, Vt = np.linalg.svd(lower_block(W, r0, r1, c0, r), False)
     zero = tol * unit * spectral(original, o0, o1)
@@ -261,15 +261,16 @@ def tall_least_squares(C, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def turn_back(W, y, c0, turns, k, r, t0, t1, ref_row, ref_col, ref_tau):  # type: ignore[no-untyped-def]
-    """y <- Q_k y for one level: its V (turns[k], of size r, 0 when there is none), then its reflectors in reverse."""
+def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):  # type: ignore[no-untyped-def]
+    """y <- Q_k y for one level: its V (empty when there is none), then its reflectors in reverse."""
     n = W.shape[1]
+    r = len(V)
     if r:
         turned = np.empty(r)
         for i in range(r):
             s = 0.0
             for col in range(r):
-                s += turns[k, i, col] * y[c0 + col]
+                s += V[i, col] * y[c0 + col]
             turned[i] = s
         for i in range(r):
             y[c0 + i] = turned[i]

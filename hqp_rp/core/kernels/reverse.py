@@ -34,171 +34,268 @@ LARGEST_RATIO = 2.0**50
 
 
 @kernel
-def level_weights(scale, k, p):  # type: ignore[no-untyped-def]
-    """Weight of each level's loaded rows relative to the largest level of k ... p - 1, so that loaded * weight ~ original."""
-    weight = np.ones(p)
+def level_weights(scale, offsets, k):  # type: ignore[no-untyped-def]
+    """One weight for each row of levels k ... p - 1: loaded row * weight is proportional to the row as it was given."""
+    p = len(offsets) - 1
+    weight = np.ones(offsets[p] - offsets[k])
     last = 0.0
-    previous = 0.0
+    value = 1.0
     for _ in range(k, p):
-        nearest = np.inf
+        following = np.inf
         for i in range(k, p):
             if scale[i] > last:
-                nearest = min(nearest, scale[i])
-        if nearest == np.inf:
+                following = min(following, scale[i])
+        if following == np.inf:
             break
-        value = 1.0 if last == 0.0 else previous / min(nearest / last, LARGEST_RATIO)
+        if last > 0.0:
+            value /= min(following / last, LARGEST_RATIO)
         for i in range(k, p):
-            if scale[i] == nearest:
-                weight[i] = value
-        last = nearest
-        previous = value
+            if scale[i] == following:
+                weight[offsets[i] - offsets[k] : offsets[i + 1] - offsets[k]] = value
+        last = following
     return weight
 
 
 @kernel
-def weighted_rows(C, T, row_weight, order):  # type: ignore[no-untyped-def]
-    """Copies of C (m, r) and T (m,) with rows weighted and taken in the given order."""
-    m, r = C.shape
-    Cw = np.empty((m, r))
-    Tw = np.empty(m)
-    for i in range(m):
-        source = order[i]
-        for j in range(r):
-            Cw[i, j] = C[source, j] * row_weight[source]
-        Tw[i] = T[source] * row_weight[source]
-    return Cw, Tw
+def weighted_rows(C, weight):  # type: ignore[no-untyped-def]
+    """A copy of C (m, r) with row i multiplied by weight[i]."""
+    out = np.empty(C.shape)
+    for i in range(C.shape[0]):
+        for j in range(C.shape[1]):
+            out[i, j] = C[i, j] * weight[i]
+    return out
 
 
 @kernel
-def smallest_singular_value(C, rows):  # type: ignore[no-untyped-def]
-    """The min(rows, n)-th singular value of C."""
-    _, S, _ = np.linalg.svd(C, False)
-    return S[min(rows, C.shape[1]) - 1]
+def disturbance(W, m, rank, y):  # type: ignore[no-untyped-def]
+    """-B Y y: what the lower rows (below row m of W) must be given back for the step Y y that level k needs."""
+    out = np.empty(len(W) - m)
+    for i in range(len(out)):
+        s = 0.0
+        for j in range(rank):
+            s -= W[m + i, j] * y[j]
+        out[i] = s
+    return out
 
 
 @kernel
-def correction(W0, offsets, scale, k, t, tol, kind, first, second, basis):  # type: ignore[no-untyped-def]
-    """The step T_k (J_k T_k)^# t of (29) (n,), and when `basis`, an orthonormal basis (n, d) of range(T_k) + null space.
+def compensate(W, W0, m, rank, tol, weight, t0, ref_row, ref_col, ref_tau, Y):  # type: ignore[no-untyped-def]
+    """Complete each row y of Y by the least-norm w of min ||B (Y y + Z w)||; the lower rows of W are factored in place.
 
-    W0: the loaded rows; t: (m_k,) loaded residual of level k. Damping acts on the pseudo-inverse that gives T_k alone.
+    Returns (reflectors, V) of that factorization. Where B Z has full row rank no lower level is disturbed and weights
+    play no part.
     """
-    n = W0.shape[1]
-    p = len(offsets) - 1
-    r0 = offsets[k]
-    m = offsets[k + 1] - r0
-    W = W0[r0:].copy()
-    rows = len(W)
-    below = rows - m
+    below = len(W) - m
+    origin = np.arange(len(W)) * 1.0  # follows the rows as the factorization swaps them
+    r, low, V, U, S = factor(
+        W, m, len(W), rank, len(W), origin, W0, m, len(W), 1.0, tol, False, t0, ref_row, ref_col, ref_tau
+    )
+    if low == 0:
+        return r, V
+    moved = np.empty(below)
+    for i in range(below):
+        moved[i] = weight[int(origin[m + i])]
+    heaviest = np.argsort(-moved)
+    for row in range(len(Y)):
+        y = Y[row]
+        t = disturbance(W, m, rank, y)
+        if len(S) == 0 and low == below:
+            forward_substitution(W, m, rank, low, t, y)
+            continue
+        C = U[:, :low] * S[:low] if len(S) else lower_block(W, m, len(W), rank, low)
+        t = (t * moved)[heaviest]
+        tall_least_squares(weighted_rows(C, moved)[heaviest], t)
+        y[rank : rank + low] = t[:low]
+    return r, V
+
+
+@kernel
+def compensate_damped(W, m, rank, weight, factor_, Y):  # type: ignore[no-untyped-def]
+    """Complete each row y of Y by the w of min ||B (Y y + Z w)||^2 + factor_^2 ||w||^2."""
+    below = len(W) - m
+    U, S, Vt = np.linalg.svd(weighted_rows(W[m:, rank:], weight[m:]), False)
+    for row in range(len(Y)):
+        y = Y[row]
+        t = disturbance(W, m, rank, y) * weight[m:]
+        for l in range(len(S)):
+            s = 0.0
+            for i in range(below):
+                s += U[i, l] * t[i]
+            s *= damped_inverse(S[l], 0.0, 0.0, 1, factor_, 0.0)
+            for j in range(Vt.shape[1]):
+                y[rank + j] += s * Vt[l, j]
+
+
+@kernel
+def correction(W0, m, weight, t, tol, factor_, basis):  # type: ignore[no-untyped-def]
+    """Row 0: the step T_k (J_k T_k)^# t of (29) (n,). With `basis`, the rows behind it span range(T_k).
+
+    W0: loaded rows of level k (the first m) and of all lower levels. t: (m,) loaded residual of level k. factor_: damping
+    of the pseudo-inverse that gives T_k, for rows weighted by `weight`.
+    """
+    rows, n = W0.shape
+    W = W0.copy()
     ref_row = np.empty(rows, np.int64)
     ref_col = np.empty(rows, np.int64)
     ref_tau = np.empty(rows)
-    turns = np.empty((2, n, n))
     right = np.zeros(rows)
     right[:m] = t
-    r, rank, V, U, S = factor(W, 0, m, 0, rows, right, W0, r0, r0 + m, 1.0, tol, False, 0, ref_row, ref_col, ref_tau)
-    turned = len(V)
-    if turned:
-        turns[0, :r, :r] = V
-    columns = 1 + rank if basis else 1
-    Y = np.zeros((columns, n))
-    solve_level(W, 0, m, 0, r, rank, U, S, right[:m].copy(), 0.0, 1.0, 0, 0.0, 0.0, Y[0])
-    for j in range(1, columns):
+    r, rank, V, U, S = factor(W, 0, m, 0, rows, right, W0, 0, m, 1.0, tol, False, 0, ref_row, ref_col, ref_tau)
+    Y = np.zeros((1 + rank if basis else 1, n))
+    solve_level(W, 0, m, 0, r, rank, U, S, right, 0.0, 1.0, 0, 0.0, 0.0, Y[0])
+    for j in range(1, len(Y)):
         Y[j, j - 1] = 1.0
-    t1 = r
-    r2 = 0
-    turned2 = 0
-    low_rank = 0
-    if below > 0 and rank > 0 and rank < n:
-        weight = level_weights(scale, k + 1, p)
-        row_weight = np.empty(below)
-        for i in range(k + 1, p):
-            for row in range(offsets[i], offsets[i + 1]):
-                row_weight[row - r0 - m] = weight[i]
-        if kind == 1 or kind == 2:
-            largest = np.inf
-            for i in range(k, p):
-                largest = min(largest, scale[i])
-            all_weight = level_weights(scale, k, p)
-            stacked = W0[r0:].copy()
-            for i in range(k, p):
-                for row in range(offsets[i], offsets[i + 1]):
-                    stacked[row - r0] *= all_weight[i]
-            smallest = smallest_singular_value(stacked, rows) if kind == 2 else 0.0
-            low = all_weight[k + 1] if k + 1 < p else 1.0
-            for i in range(k + 1, p):
-                low = max(low, all_weight[i])
-            B = np.empty((below, n - rank))
-            for i in range(below):
-                for j in range(n - rank):
-                    B[i, j] = W[m + i, rank + j] * row_weight[i] * low
-            Ub, Sb, Vb = np.linalg.svd(B, False)
-            for column in range(columns):
-                y = Y[column]
-                for l in range(len(Sb)):
-                    s = 0.0
-                    for i in range(below):
-                        d = 0.0
-                        for j in range(rank):
-                            d -= W[m + i, j] * y[j]
-                        s += Ub[i, l] * d * row_weight[i] * low
-                    # The damping factor is that of the whole [J_k; B]: `smallest` is its sigma_m.
-                    s *= damped_inverse(Sb[l], smallest, 0.0, kind, first * largest, second * largest)
-                    for j in range(n - rank):
-                        y[rank + j] += s * Vb[l, j]
+    r_low = 0
+    V_low = np.empty((0, 0))
+    if rows > m and 0 < rank < n:
+        if factor_ > 0.0:
+            compensate_damped(W, m, rank, weight, factor_, Y)
         else:
-            disturbance = np.zeros(rows)
-            for i in range(below):
-                disturbance[m + i] = float(i)
-            r2, low_rank, V2, U2, S2 = factor(
-                W,
-                m,
-                rows,
-                rank,
-                rows,
-                disturbance,
-                W0,
-                r0 + m,
-                r0 + rows,
-                1.0,
-                tol,
-                False,
-                t1,
-                ref_row,
-                ref_col,
-                ref_tau,
-            )
-            turned2 = len(V2)
-            if turned2:
-                turns[1, :r2, :r2] = V2
-            if low_rank > 0:
-                for column in range(columns):
-                    y = Y[column]
-                    right_low = np.empty(below)
-                    for i in range(below):
-                        s = 0.0
-                        for j in range(rank):
-                            s -= W[m + i, j] * y[j]
-                        right_low[i] = s
-                    if turned2 == 0 and low_rank == below:
-                        forward_substitution(W, m, rank, low_rank, right_low, y)
-                    else:
-                        if turned2:
-                            C = U2[:, :low_rank] * S2[:low_rank]
-                        else:
-                            C = lower_block(W, m, rows, rank, low_rank)
-                        heavy = np.empty(below)
-                        for i in range(below):
-                            heavy[i] = row_weight[int(disturbance[m + i])]
-                        Cw, Tw = weighted_rows(C, right_low, heavy, np.argsort(-heavy))
-                        tall_least_squares(Cw, Tw)
-                        y[rank : rank + low_rank] = Tw[:low_rank]
-    free = n - rank - low_rank if basis else 0
-    out = np.zeros((columns + free, n))
-    out[:columns] = Y
-    for j in range(free):
-        out[columns + j, rank + low_rank + j] = 1.0
-    for column in range(columns + free):
-        if t1 + r2 > t1 or turned2:
-            turn_back(W, out[column], rank, turns, 1, turned2, t1, t1 + r2, ref_row, ref_col, ref_tau)
-        turn_back(W, out[column], 0, turns, 0, turned, 0, t1, ref_row, ref_col, ref_tau)
+            r_low, V_low = compensate(W, W0, m, rank, tol, weight, r, ref_row, ref_col, ref_tau, Y)
+    for row in range(len(Y)):
+        turn_back(W, Y[row], rank, V_low, r, r + r_low, ref_row, ref_col, ref_tau)
+        turn_back(W, Y[row], 0, V, 0, r, ref_row, ref_col, ref_tau)
+    return Y
+
+
+@kernel
+def augmented_damping(J, smallest_scale, kind, first, second):  # type: ignore[no-untyped-def]
+    """The damping factor of [J_k; B]^#, in the unit of its weighted rows J: constant, or (19) from its sigma_m."""
+    if kind == 1:
+        return first * smallest_scale
+    if kind != 2:
+        return 0.0
+    _, S, _ = np.linalg.svd(J, False)
+    ratio = S[len(S) - 1] / (first * smallest_scale)
+    return 0.0 if ratio >= 1.0 else math.sqrt((1.0 - ratio) * (1.0 + ratio)) * second * smallest_scale
+
+
+@kernel
+def smallest_of(scale, k):  # type: ignore[no-untyped-def]
+    """The scale of the largest level of k ... p - 1: weighted rows are the given rows times it."""
+    out = np.inf
+    for i in range(k, len(scale)):
+        out = min(out, scale[i])
     return out
+
+
+@kernel
+def residual(W0, r0, r1, rhs, x):  # type: ignore[no-untyped-def]
+    """rhs - J x of loaded rows r0:r1."""
+    out = np.empty(r1 - r0)
+    for i in range(r0, r1):
+        s = rhs[i]
+        for j in range(W0.shape[1]):
+            s -= W0[i, j] * x[j]
+        out[i - r0] = s
+    return out
+
+
+@kernel
+def add_step(x, step):  # type: ignore[no-untyped-def]
+    """x += step; True when the sum is much smaller than what was added up, so that its rounding error shows."""
+    before = 0.0
+    after = 0.0
+    for j in range(len(x)):
+        before = max(before, abs(x[j]))
+        x[j] += step[j]
+        after = max(after, abs(x[j]))
+    return before > 4.0 * after
+
+
+@kernel
+def range_projector(T):  # type: ignore[no-untyped-def]
+    """T T^+ (n, n), from the left singular vectors of T (n, d)."""
+    U, S, _ = np.linalg.svd(T, False)
+    rank = 0
+    while rank < len(S) and S[rank] > 1e-12 * S[0]:
+        rank += 1
+    Q = np.ascontiguousarray(U[:, :rank])
+    return np.dot(Q, np.ascontiguousarray(Q.T))
+
+
+@kernel
+def reverse_priority(A, b, offsets, z, tol, kind, first, second, projector, x):  # type: ignore[no-untyped-def]
+    """x <- x + T_k (J_k T_k)^# (b_k - J_k x) for k = p, ..., 1, from x = z: (29). True when x is finite.
+
+    With `projector`, the step is (J_k P_{k+1})^# (b_k - J_k x) instead: (20)-(22), where P_{k+1} is (27), which is
+    T_k T_k^+ + the projector on null([J_k; B]); the second part drops out of J_k P_{k+1}, as (28) shows, and is left out.
+    Damping (kind, first, second) acts on the pseudo-inverse that gives T_k alone. Where a step cancels most of what lower
+    levels had put into x, its residual is corrected once more.
+    """
+    M, n = A.shape
+    p = len(offsets) - 1
+    W0 = np.empty((M, n))
+    rhs = np.empty(M)
+    scale = np.empty(p)
+    if not load(A, b, offsets, W0, rhs, scale):
+        return False
+    x[:] = z
+    for k in range(p - 1, -1, -1):
+        r0 = offsets[k]
+        r1 = offsets[k + 1]
+        m = r1 - r0
+        if m == 0:
+            continue
+        rows = W0[r0:]
+        weight = level_weights(scale, offsets, k)
+        unit = smallest_of(scale, k)
+        factor_ = 0.0
+        V = np.zeros((n, 0))
+        if kind != 0:
+            J = weighted_rows(rows, weight)
+            factor_ = augmented_damping(J, unit, kind, first, second)
+            if kind == 3:
+                _, S, Vt = np.linalg.svd(J, False)
+                kept = 0
+                while kept < len(S) and S[kept] > first * unit:
+                    kept += 1
+                if kept == 0:
+                    continue
+                V = np.ascontiguousarray(Vt[:kept].T)
+                rows = np.dot(rows.copy(), V)
+        for _ in range(2):
+            t = residual(W0, r0, r1, rhs, x)
+            Y = correction(rows, m, weight, t, tol, factor_, projector)
+            if kind == 3:
+                Y = np.dot(Y, np.ascontiguousarray(V.T))
+            step = Y[0]
+            if projector:
+                P = range_projector(np.ascontiguousarray(Y[1:].T))
+                step = pseudo_inverse(np.dot(W0[r0:r1].copy(), P), tol * spectral(W0, r0, r1), 0, 0.0, 0.0) @ t
+            if not add_step(x, step):
+                break
+    return finite(x)
+
+
+@kernel
+def reverse_priority_damped_everywhere(A, b, offsets, z, tol, kind, first, second, projector, x):  # type: ignore[no-untyped-def]
+    """(29) or (22) with every pseudo-inverse damped, as a plain reading of (15) in (32) has it; spoils level 1."""
+    M, n = A.shape
+    p = len(offsets) - 1
+    W0 = np.empty((M, n))
+    rhs = np.empty(M)
+    scale = np.empty(p)
+    if not load(A, b, offsets, W0, rhs, scale):
+        return False
+    x[:] = z
+    for k in range(p - 1, -1, -1):
+        r0 = offsets[k]
+        r1 = offsets[k + 1]
+        m = r1 - r0
+        if m == 0:
+            continue
+        unit = smallest_of(scale, k)
+        J = weighted_rows(W0[r0:], level_weights(scale, offsets, k))
+        zero = tol * spectral(J, 0, len(J))
+        T = pseudo_inverse(J, zero, kind, first * unit, second * unit)[:, :m].copy()
+        J_k = J[:m].copy()
+        t = residual(W0, r0, r1, rhs, x) * (unit / scale[k])
+        if projector:
+            inner = J_k @ range_projector(T)
+            step = pseudo_inverse(inner, tol * spectral(J, 0, m), kind, first * unit, second * unit) @ t
+        else:
+            inner = J_k @ T
+            step = T @ (pseudo_inverse(inner, tol * spectral(inner, 0, m), kind, first, second) @ t)
+        x += step
+    return finite(x)

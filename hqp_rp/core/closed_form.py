@@ -1,0 +1,84 @@
+"""What every closed form shares: its settings, the equality-only refusal, and the call of its compiled kernel."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+
+from hqp_rp.core.damping import Damping, NoDamping, checked_damping
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+
+Kernel = Callable[..., float]
+"""(matrix, rhs, offsets, free vector, rank tolerance, damping kind, its two parameters, answer) -> 0 if not finite."""
+
+_OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
+
+
+@functools.lru_cache(maxsize=256)
+def zeros(n: int) -> FloatArray:
+    """The (n,) zero vector that stands for "no free vector"; shared, never to be written to."""
+    return np.zeros(n)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ClosedForm(Solver):
+    """A closed form on equality levels.
+
+    Args:
+        damping: what replaces 1/sigma near a singularity: `NoDamping`, `ConstantDamping`, `VariableDamping`, `Truncation`.
+        rank_tolerance: a singular value of A_k restricted to the remaining null space counts as zero when it is
+            <= rank_tolerance * ||A_k||_2; in [0, 1).
+    """
+
+    damping: Damping = NoDamping()
+    rank_tolerance: float = RANK_TOLERANCE
+
+    exact_levels: ClassVar[int] = 0
+    """On up to this many levels the undamped form returns the lexicographic optimum, in exact arithmetic."""
+
+    def __post_init__(self) -> None:
+        checked_damping(self.damping)
+        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
+            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+
+    def is_lexicographic(self, problem: Problem) -> bool:
+        if not isinstance(self.damping, NoDamping) or not problem.is_equality:
+            return False
+        return int(np.count_nonzero(np.diff(problem.offsets))) <= self.exact_levels
+
+    @abc.abstractmethod
+    def kernel(self) -> Kernel:
+        """The compiled kernel for these settings."""
+
+    def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
+        if problem.hard is not None or not problem.is_equality:
+            refusal = self._refusal(problem)
+            if refusal is not None:
+                return refusal
+        matrix, rhs, _, offsets = problem.stacked
+        return self._run(problem, matrix, rhs, offsets, secondary)
+
+    def _run(
+        self, problem: Problem, matrix: FloatArray, rhs: FloatArray, offsets: object, secondary: FloatArray | None
+    ) -> Solution:
+        x = np.empty(problem.n)
+        free = zeros(problem.n) if secondary is None else secondary
+        first, second = self.damping.parameters
+        try:
+            code = self.kernel()(matrix, rhs, offsets, free, self.rank_tolerance, self.damping.kind, first, second, x)
+        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
+            code = 0.0
+        if not code:
+            return Solution(problem, None, Status.NOT_FINITE, 0, _OVERFLOW, secondary)
+        return self._judged(Solution(problem, x, Status.SOLVED, 0, "", secondary), float(code))
+
+    def _judged(self, solution: Solution, code: float) -> Solution:
+        return solution

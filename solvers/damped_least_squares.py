@@ -1,0 +1,98 @@
+"""Damped least squares (6)-(7), (14)-(19): all levels as one, regularized by a weight matrix."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike
+
+from hqp_rp.core.closed_form import ClosedForm, Kernel
+from hqp_rp.core.damping import ConstantDamping, Damping
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.solution import Solution, Status
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DampedLeastSquares(ClosedForm):
+    """min ||J x - b||^2 + ||x - zeta||_lambda^2, whose answer is x = (J^T J + lambda)^-1 (J^T b + lambda zeta).
+
+    J = [A_1; ...; A_p] stacks all levels, without priority; ||x||_lambda^2 = x^T lambda x; lambda = eta^2 W, with eta from
+    the damping policy and W the weight matrix, so W alone as in (7) is `ConstantDamping(1.0)`. It is computed from the
+    singular values of J W^(-1/2), sigma_i / (sigma_i^2 + eta^2), and J^T J is never formed; with a variable policy (19)
+    watches the smallest of them.
+
+    As printed, the free-vector term of (7) is (I - (J^T J + lambda)^-1 (J^T J + lambda)) zeta = 0 for every zeta. Here it
+    is (I - (J^T J + lambda)^-1 J^T J) zeta, the minimizer of (6) around zeta, which tends to (5) as lambda -> 0.
+
+    Args:
+        damping: eta; constant(0.1) by default, variable (18)-(19), truncation, or none.
+        weight: W, symmetric positive definite (n, n), or (n,) for a diagonal; None means the identity.
+
+    Source: the paper, (6)-(7), (14)-(19); Wampler 1986; Nakamura and Hanafusa 1986.
+    """
+
+    damping: Damping = ConstantDamping(0.1)
+    weight: ArrayLike | None = dataclasses.field(default=None, compare=False)
+    root: FloatArray | None = dataclasses.field(default=None, init=False, repr=False, compare=False)
+
+    name: ClassVar[str] = "damped_least_squares"
+    summary: ClassVar[str] = "damped least squares over all levels at once, without priority"
+    source: ClassVar[str] = "paper (6)-(7), (14)-(19)"
+    exact_levels: ClassVar[int] = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.weight is not None:
+            object.__setattr__(self, "root", _root(self.weight))
+
+    def kernel(self) -> Kernel:
+        from hqp_rp.core.kernels.cascade import null_space
+
+        return null_space
+
+    def is_lexicographic(self, problem: Problem) -> bool:
+        return self.weight is None and super().is_lexicographic(problem)
+
+    def refuses(self, problem: Problem) -> str | None:
+        if self.root is not None and len(self.root) != problem.n:
+            return f"weight is for {len(self.root)} unknowns and the problem has {problem.n}."
+        return super().refuses(problem)
+
+    def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
+        refusal = self._refusal(problem)
+        if refusal is not None:
+            return refusal
+        matrix, rhs, _, _ = problem.stacked
+        rows = np.array([0, len(matrix)])
+        if self.root is None:
+            return self._run(problem, matrix, rhs, rows, secondary)
+        # With W = R^T R and y = R x, ||x||_W = ||y||: plain damping of J R^-1.
+        turned = np.ascontiguousarray(scipy.linalg.solve_triangular(self.root, matrix.T, trans="T").T)
+        free = None if secondary is None else self.root @ secondary
+        solution = self._run(problem, turned, rhs, rows, free)
+        solution.secondary = secondary
+        if solution.status is Status.SOLVED:
+            solution.x = scipy.linalg.solve_triangular(self.root, solution.x)
+        return solution
+
+
+def _root(weight: ArrayLike) -> FloatArray:
+    """R upper triangular with R^T R = weight."""
+    W = np.array(weight, dtype=np.float64)
+    if W.ndim == 1:
+        W = np.diag(W)
+    if W.ndim != 2 or W.shape[0] != W.shape[1] or not np.isfinite(W).all():
+        raise SettingError(f"weight has shape {W.shape}; it must be n finite numbers or a finite matrix (n, n).")
+    if not np.allclose(W, W.T, rtol=1e-12, atol=0.0):
+        raise SettingError("weight is not symmetric; give (W + W.T) / 2 if that is what is meant.")
+    try:
+        return np.ascontiguousarray(scipy.linalg.cholesky(W))
+    except np.linalg.LinAlgError:
+        least = float(np.linalg.eigvalsh(W)[0])
+        raise SettingError(
+            f"weight is not positive definite (smallest eigenvalue {least:g}); every direction needs a positive weight."
+        ) from None
