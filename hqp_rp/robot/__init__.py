@@ -8,19 +8,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hqp_rp.robot.arms import planar_arm, sawyer
     from hqp_rp.robot.dh import DHArm, Link
+    from hqp_rp.robot.model_file import load_robot
     from hqp_rp.robot.mujoco_arm import arm_spec
     from hqp_rp.robot.mujoco_robot import MujocoRobot
+    from hqp_rp.robot.pinocchio_robot import PinocchioRobot
     from hqp_rp.robot.robot import Robot
 
-__all__ = ["DHArm", "Link", "MujocoRobot", "Robot", "arm_spec", "planar_arm", "sawyer"]
+__all__ = ["DHArm", "Link", "MujocoRobot", "PinocchioRobot", "Robot", "arm_spec", "load_robot", "planar_arm", "sawyer"]
 
 # A robot library is imported when its adapter is first used, and never by `import hqp_rp.robot`.
 _LAZY = {
     "DHArm": "dh",
     "Link": "dh",
     "MujocoRobot": "mujoco_robot",
+    "PinocchioRobot": "pinocchio_robot",
     "Robot": "robot",
     "arm_spec": "mujoco_arm",
+    "load_robot": "model_file",
     "planar_arm": "arms",
     "sawyer": "arms",
 }

@@ -13,6 +13,7 @@ from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.dh import DHArm
 from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen
+from hqp_rp.robot.model_file import Path, file_format, mujoco_model, urdf_velocity_limits
 from hqp_rp.robot.mujoco_arm import arm_spec
 
 _QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
@@ -27,8 +28,8 @@ class MujocoRobot:
     Quaternions need not be normalized, but must not be zero.
 
     `model` is the compiled model. `data` is a simulation state of its own, at `neutral` to begin with, for
-    `mujoco.mj_step(robot.model, robot.data)`: `update` and the other methods neither read nor change it, they compute on
-    a private state whose velocity is always zero.
+    `mujoco.mj_step(robot.model, robot.data)`: `update` and the other methods neither read nor change it; they
+    compute on a private state whose velocity is always zero.
 
     Every array returned is fresh, except `lower`, `upper`, `velocity_limit`, `neutral` and `q`, which are read-only.
     The centre of mass is that of the bodies that can move; what is fixed to the world does not count.
@@ -88,6 +89,36 @@ class MujocoRobot:
         """The robot of `arm_spec(arm, ...)`: see there for what the model is. Errors as `arm_spec`."""
         model = arm_spec(arm, timestep=timestep, gravity_compensation=gravity_compensation).compile()
         return cls(model, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
+
+    @classmethod
+    def from_file(
+        cls,
+        path: Path,
+        *,
+        floating_base: bool = False,
+        meshes: bool = True,
+        velocity_limit: ArrayLike | Mapping[str, float] | None = None,
+        neutral: ArrayLike | None = None,
+    ) -> MujocoRobot:
+        """The robot of an MJCF or URDF file.
+
+        Args:
+            path: the file. Of a URDF every link stays a frame, those behind fixed joints included; its velocity limits
+                are read, and a link without `<inertial>` gets MuJoCo's guess from its geometry.
+            floating_base: for a URDF, give the root link a free joint "root_joint".
+            meshes: False leaves out the geoms that need mesh files, and the files need not be there.
+            velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
+            neutral: (nq,) the reference configuration; default MuJoCo's `qpos0`.
+
+        Raises:
+            RobotError: no such file, a file that MuJoCo does not read or compile (with its message), or an argument
+                that does not fit.
+        """
+        model = mujoco_model(path, floating_base=floating_base, meshes=meshes)
+        if velocity_limit is None and file_format(path) == "urdf":
+            joints = {model.joint(j).name for j in range(model.njnt)}
+            velocity_limit = {name: value for name, value in urdf_velocity_limits(path).items() if name in joints}
+        return cls(model, velocity_limit=velocity_limit, neutral=neutral)
 
     @classmethod
     def from_spec(

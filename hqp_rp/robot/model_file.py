@@ -1,0 +1,151 @@
+"""Robot model files: which format a file is, what MuJoCo makes of it, and one call that loads either into a robot."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Literal
+from xml.etree import ElementTree
+
+from numpy.typing import ArrayLike
+
+from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.robot.robot import Robot
+
+if TYPE_CHECKING:
+    import mujoco
+
+Path = str | os.PathLike[str]
+
+
+def load_robot(
+    path: Path,
+    library: str = "mujoco",
+    *,
+    floating_base: bool = False,
+    meshes: bool = True,
+    velocity_limit: ArrayLike | Mapping[str, float] | None = None,
+    neutral: ArrayLike | None = None,
+) -> Robot:
+    """The robot of an MJCF or URDF file, computed by MuJoCo or Pinocchio.
+
+    Args:
+        path: the file; its root element (`<mujoco>` or `<robot>`) says which format it is.
+        library: "mujoco" or "pinocchio".
+        floating_base, meshes, velocity_limit, neutral: as in `MujocoRobot.from_file`.
+
+    Raises:
+        RobotError: no such file, a file that the library does not read (with its message), or an argument that does not
+            fit the robot.
+        UnknownNameError: another library.
+    """
+    if library not in ("mujoco", "pinocchio"):
+        raise unknown_name("robot library", library, ("mujoco", "pinocchio"))
+    if library == "mujoco":
+        from hqp_rp.robot.mujoco_robot import MujocoRobot as Adapter
+    else:
+        from hqp_rp.robot.pinocchio_robot import PinocchioRobot as Adapter  # type: ignore[assignment]
+    return Adapter.from_file(
+        path, floating_base=floating_base, meshes=meshes, velocity_limit=velocity_limit, neutral=neutral
+    )
+
+
+def file_format(path: Path) -> Literal["mjcf", "urdf"]:
+    """Which of the two formats the file is, by its root element. Raises `RobotError` when it is neither, or absent."""
+    try:
+        with open(path, "rb") as file:
+            text = file.read().decode("utf-8", errors="replace")
+    except OSError as error:
+        raise RobotError(f"The robot file {os.fspath(path)!r} cannot be read: {error.strerror}.") from error
+    text = re.sub(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", "", text, flags=re.DOTALL)
+    root = re.match(r"\s*\ufeff?\s*<\s*([\w:.-]+)", text)
+    if root and root[1] == "mujoco":
+        return "mjcf"
+    if root and root[1] == "robot":
+        return "urdf"
+    found = f"its root element is <{root[1]}>" if root else "it does not begin with an XML element"
+    raise RobotError(
+        f"The file {os.fspath(path)!r} is no robot model: {found}; an MJCF file begins with <mujoco>, a URDF file with "
+        "<robot>."
+    )
+
+
+def urdf_velocity_limits(path: Path) -> dict[str, float]:
+    """Joint name -> velocity limit (rad/s or m/s) of a URDF file, for the joints that state one."""
+    limits = {}
+    for joint in parse_urdf(path).iter("joint"):
+        limit = joint.find("limit")
+        value = None if limit is None else limit.get("velocity")
+        if value is not None:
+            try:
+                limits[joint.get("name", "")] = float(value)
+            except ValueError:
+                raise RobotError(
+                    f"The URDF file {os.fspath(path)!r}: joint {joint.get('name')!r} has the velocity limit {value!r}; "
+                    "it must be a number."
+                ) from None
+    return limits
+
+
+def mujoco_spec(path: Path, *, floating_base: bool = False, meshes: bool = True) -> mujoco.MjSpec:
+    """The editable MuJoCo model of an MJCF or URDF file, with every link of a URDF kept as a body of its own.
+
+    Args as `MujocoRobot.from_file`. Raises `RobotError`.
+    """
+    import mujoco
+
+    urdf = file_format(path) == "urdf"
+    if floating_base and not urdf:
+        raise RobotError(
+            f"floating_base is for URDF files; the MJCF file {os.fspath(path)!r} says with <freejoint/> what floats."
+        )
+    if urdf:
+        parse_urdf(path)
+    try:
+        spec = mujoco.MjSpec.from_file(os.fspath(path))
+    except ValueError as error:
+        raise RobotError(f"MuJoCo does not read {os.fspath(path)!r}: {error}") from error
+    if urdf:
+        # MuJoCo merges links behind fixed joints into their parents by default; their frames (tools) would be lost.
+        spec.compiler.fusestatic = False
+    if floating_base:
+        for body in spec.worldbody.bodies:
+            body.add_freejoint(name="root_joint")
+    if not meshes:
+        _drop_meshes(spec, path)
+    return spec
+
+
+def mujoco_model(path: Path, *, floating_base: bool = False, meshes: bool = True) -> mujoco.MjModel:
+    """The compiled MuJoCo model of an MJCF or URDF file. Args as `MujocoRobot.from_file`. Raises `RobotError`."""
+    spec = mujoco_spec(path, floating_base=floating_base, meshes=meshes)
+    try:
+        return spec.compile()
+    except ValueError as error:
+        hint = " Its mesh files can be left out with meshes=False." if meshes and spec.meshes else ""
+        raise RobotError(f"MuJoCo does not compile {os.fspath(path)!r}: {error}{hint}") from error
+
+
+def parse_urdf(path: Path) -> ElementTree.Element:
+    """The root element of a URDF file. Raises `RobotError` with line and column where it is not well-formed XML."""
+    try:
+        return ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise RobotError(f"The URDF file {os.fspath(path)!r} is not well-formed XML: {error}.") from error
+
+
+def _drop_meshes(spec: mujoco.MjSpec, path: Path) -> None:
+    import mujoco
+
+    kinds = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
+    for geom in [geom for geom in spec.geoms if geom.type in kinds or geom.meshname]:
+        body = geom.parent
+        if body.name != "world" and not body.explicitinertial and geom.mass != 0.0 and geom.density != 0.0:
+            raise RobotError(
+                f"The body {body.name!r} of {os.fspath(path)!r} takes its inertia from the mesh {geom.meshname!r}: "
+                "the model cannot be loaded with meshes=False."
+            )
+        spec.delete(geom)
+    for mesh in list(spec.meshes):
+        spec.delete(mesh)

@@ -1,0 +1,282 @@
+"""The Pinocchio adapter: any URDF or MJCF file, any pinocchio.Model, and the arms of the library."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from hqp_rp.core.errors import RobotError
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.dh import DHArm
+from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen
+from hqp_rp.robot.model_file import Path, file_format, mujoco_model, parse_urdf
+from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
+
+_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+_KINDS = {
+    pin.FrameType.BODY: "body",
+    pin.FrameType.OP_FRAME: "site",
+    pin.FrameType.SENSOR: "sensor",
+    pin.FrameType.JOINT: "joint",
+    pin.FrameType.FIXED_JOINT: "joint",
+}
+
+
+class PinocchioRobot:
+    """A `Robot` computed by Pinocchio.
+
+    Frames are the bodies (links), the operational frames (sites of an MJCF) and the joints; the universe is "world". A
+    name borne by a body and a site is asked for as "body:NAME" or "site:NAME"; a joint that shares its name with one of
+    them as "joint:NAME". Configuration and velocity follow Pinocchio: a free flyer has position and quaternion
+    (x, y, z, w) in q, and linear and angular velocity in the axes of the body itself in v; a continuous joint of a URDF
+    has (cos, sin) in q. Quaternions and (cos, sin) need not be normalized, but must not be zero.
+
+    `model` is the `pinocchio.Model`, for use with Pinocchio itself. Every array returned is fresh, except `lower`,
+    `upper`, `velocity_limit`, `neutral` and `q`, which are read-only. The centre of mass is that of the bodies that can
+    move; what is fixed to the world does not count.
+
+    Args:
+        model: a `pinocchio.Model`; it is used, not copied, and must not be changed afterwards.
+        velocity_limit: one number, (nv,) numbers or a mapping by joint name; default the model's own.
+        neutral: (nq,) the reference configuration; default `pinocchio.neutral(model)`.
+
+    Raises:
+        RobotError: a limit or a configuration that does not fit the model.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        *,
+        velocity_limit: ArrayLike | Mapping[str, float] | None = None,
+        neutral: ArrayLike | None = None,
+    ) -> None:
+        if not isinstance(model, pin.Model):
+            raise RobotError(
+                f"model is a {type(model).__name__}; give a pinocchio.Model, or use PinocchioRobot.from_file."
+            )
+        self._model = model
+        self._nq, self._nv = int(model.nq), int(model.nv)
+        self._name = f"the Pinocchio model {model.name!r}"
+        self._joint_names = tuple(list(model.names)[1:])
+        widths = tuple(int(nv) for nv in list(model.nvs)[1:])
+        limit = _without_maxima(model.velocityLimit) if velocity_limit is None else velocity_limit
+        self._velocity_limit = checked_limit(limit, self._joint_names, widths)
+        self._lower, self._upper = _position_limits(model)
+        links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
+        entries = [] if "world" in links else [("body", "world", 0)]
+        entries += [(_KINDS[frame.type], frame.name, i) for i, frame in enumerate(model.frames) if i > 0]
+        self._table = FrameTable(entries)
+        self._index = self._table.index
+        self._moving_mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
+        self._below = np.tril_indices(self._nv, -1)
+        # Mass matrix and centre of mass overwrite what the frame Jacobians are read from: they get data of their own.
+        self._data = model.createData()
+        self._dynamics = model.createData()
+        neutral = pin.neutral(model) if neutral is None else neutral
+        self._checked(neutral, "neutral")
+        self._neutral = frozen(np.array(neutral, dtype=np.float64))
+        self.update(self._neutral)
+
+    @classmethod
+    def from_arm(cls, arm: DHArm) -> PinocchioRobot:
+        """The robot of an arm, built from the same data as `MujocoRobot.from_arm`, without a file in between."""
+        return cls(arm_model(arm), neutral=arm.neutral)
+
+    @classmethod
+    def from_file(
+        cls,
+        path: Path,
+        *,
+        floating_base: bool = False,
+        meshes: bool = True,
+        velocity_limit: ArrayLike | Mapping[str, float] | None = None,
+        neutral: ArrayLike | None = None,
+    ) -> PinocchioRobot:
+        """The robot of a URDF or MJCF file.
+
+        A URDF is read by Pinocchio. An MJCF is read by MuJoCo, whose compiled model is then rebuilt joint by joint, so
+        that defaults, references, gravity, unnamed bodies and inertias from geometry mean what they mean to MuJoCo
+        (Pinocchio's own reader leaves out gravity and the bodies below unnamed ones).
+
+        Args:
+            path: the file.
+            floating_base: for a URDF, put the root link on a free flyer "root_joint".
+            meshes: False reads an MJCF without its mesh files; a URDF's are never needed here.
+            velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
+            neutral: (nq,) the reference configuration; default MuJoCo's `qpos0`, or Pinocchio's neutral for a URDF.
+
+        Raises:
+            RobotError: no such file, a file that is not read (with the library's message), or an argument that does
+                not fit.
+        """
+        if file_format(path) == "mjcf":
+            source = mujoco_model(path, floating_base=floating_base, meshes=meshes)
+            return cls.from_mujoco(source, velocity_limit=velocity_limit, neutral=neutral)
+        parse_urdf(path)
+        try:
+            root = [pin.JointModelFreeFlyer()] if floating_base else []
+            model = pin.buildModelFromUrdf(os.fspath(path), *root)
+        except (ValueError, RuntimeError) as error:
+            raise RobotError(f"Pinocchio does not read {os.fspath(path)!r}: {error}") from error
+        return cls(model, velocity_limit=velocity_limit, neutral=neutral)
+
+    @classmethod
+    def from_mujoco(
+        cls,
+        source: Any,
+        *,
+        velocity_limit: ArrayLike | Mapping[str, float] | None = None,
+        neutral: ArrayLike | None = None,
+    ) -> PinocchioRobot:
+        """The robot of a compiled `mujoco.MjModel`: the same kinematics and inertias, in Pinocchio's convention.
+
+        Args as `from_file`; `neutral` (nq,) in Pinocchio's convention, default `qpos0`.
+        """
+        names = tuple(source.joint(j).name or f"unnamed_joint_{j}" for j in range(source.njnt))
+        neutral = configuration_from_mujoco(source, source.qpos0) if neutral is None else neutral
+        return cls(model_from_mujoco(source, names), velocity_limit=velocity_limit, neutral=neutral)
+
+    @property
+    def model(self) -> Any:
+        """The `pinocchio.Model`."""
+        return self._model
+
+    @property
+    def nq(self) -> int:
+        return self._nq
+
+    @property
+    def nv(self) -> int:
+        return self._nv
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return self._joint_names
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        return self._table.names
+
+    @property
+    def lower(self) -> FloatArray:
+        return self._lower
+
+    @property
+    def upper(self) -> FloatArray:
+        return self._upper
+
+    @property
+    def velocity_limit(self) -> FloatArray:
+        return self._velocity_limit
+
+    @property
+    def neutral(self) -> FloatArray:
+        return self._neutral
+
+    @property
+    def q(self) -> FloatArray:
+        return self._q
+
+    def update(self, q: FloatArray) -> None:
+        """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
+        normalized = self._checked(q, "q")
+        self._q = frozen(np.array(q, dtype=np.float64))
+        self._normalized = self._q if self._nq == self._nv else normalized
+        pin.computeJointJacobians(self._model, self._data, self._normalized)
+
+    def pose(self, frame: str) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) from frame to world and origin (3,) of `frame` in the world."""
+        placement = pin.updateFramePlacement(self._model, self._data, self._frame(frame))
+        return np.array(placement.rotation, order="C"), np.array(placement.translation)
+
+    def jacobian(self, frame: str) -> FloatArray:
+        """(6, nv): linear velocity of the frame's origin over angular velocity, both in world axes, per unit v."""
+        jacobian = pin.getFrameJacobian(self._model, self._data, self._frame(frame), _ALIGNED)
+        # The reshape is for nv = 1, where the bindings return a vector.
+        return np.array(jacobian, order="C").reshape(6, self._nv)
+
+    def center_of_mass(self) -> FloatArray:
+        """(3,) centre of mass of the bodies that can move, in the world. Raises `RobotError` where nothing can."""
+        self._require_mass()
+        return np.array(pin.centerOfMass(self._model, self._dynamics, self._normalized, False))
+
+    def center_of_mass_jacobian(self) -> FloatArray:
+        """(3, nv) velocity of that centre of mass in world axes, per unit v."""
+        self._require_mass()
+        jacobian = pin.jacobianCenterOfMass(self._model, self._dynamics, self._normalized, False)
+        return np.array(jacobian, order="C").reshape(3, self._nv)
+
+    def mass_matrix(self) -> FloatArray:
+        """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""
+        matrix = np.array(pin.crba(self._model, self._dynamics, self._normalized), order="C")
+        matrix = matrix.reshape(self._nv, self._nv)
+        matrix[self._below] = matrix.T[self._below]  # only the upper triangle is computed
+        return matrix
+
+    def gravity(self) -> FloatArray:
+        """(nv,) generalized gravity torque g(q) in M(q) a + h(q, v) + g(q) = tau."""
+        return np.array(pin.computeGeneralizedGravity(self._model, self._dynamics, self._normalized))
+
+    def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
+        """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
+        step = checked_vector(v, self._nv, "v") * dt
+        return np.array(pin.integrate(self._model, self._checked(q, "q"), step))
+
+    def difference(self, q0: FloatArray, q1: FloatArray) -> FloatArray:
+        """(nv,) velocity that leads from q0 to q1 in one second."""
+        return np.array(pin.difference(self._model, self._checked(q0, "q0"), self._checked(q1, "q1")))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q)
+
+    def __repr__(self) -> str:
+        return f"PinocchioRobot({self._model.name!r}, nq={self.nq}, nv={self.nv}, {len(self._index)} frames)"
+
+    def _frame(self, frame: str) -> int:
+        try:
+            return self._index[frame]
+        except (KeyError, TypeError):
+            raise self._table.error(frame, self._name) from None
+
+    def _checked(self, q: ArrayLike, what: str) -> FloatArray:
+        """q as Pinocchio's functions take it: checked, and normalized where the model has quaternions."""
+        vector = checked_vector(q, self._nq, what)
+        if self._nq == self._nv:
+            return vector
+        normalized = np.asarray(pin.normalize(self._model, vector))
+        if not np.isfinite(normalized).all():
+            raise RobotError(f"{what} holds a zero quaternion or a zero (cos, sin); it must have a direction.")
+        return normalized
+
+    def _require_mass(self) -> None:
+        if self._moving_mass <= 0.0:
+            raise RobotError(f"{self._name} has no moving mass, hence no centre of mass.")
+
+
+def _rebuild(model: Any, limit: FloatArray, neutral: FloatArray, q: FloatArray) -> PinocchioRobot:
+    robot = PinocchioRobot(model, velocity_limit=limit, neutral=neutral)
+    robot.update(q)
+    return robot
+
+
+def _position_limits(model: Any) -> tuple[FloatArray, FloatArray]:
+    lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
+    for j in range(1, model.njoints):
+        # Where q has more numbers than v (quaternions, continuous joints) its bounds are no bounds of a velocity index.
+        if model.nqs[j] == model.nvs[j]:
+            rows = slice(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
+            columns = slice(model.idx_qs[j], model.idx_qs[j] + model.nqs[j])
+            lower[rows] = _without_maxima(model.lowerPositionLimit[columns])
+            upper[rows] = _without_maxima(model.upperPositionLimit[columns])
+    return frozen(lower), frozen(upper)
+
+
+def _without_maxima(limits: FloatArray) -> FloatArray:
+    """The limits, with the largest float, which Pinocchio writes for "none", as infinity."""
+    return np.where(np.abs(limits) >= np.finfo(np.float64).max, np.sign(limits) * np.inf, limits)
