@@ -1,1 +1,35 @@
-"""Tasks, limits and stacks: what a robot should do, turned into a `Problem` at each control step."""
+"""Tasks, limits and the stack that turns them into a prioritized problem at every control step."""
+
+from __future__ import annotations
+
+from hqp_rp.control.center_of_mass_task import CenterOfMassTask
+from hqp_rp.control.joint_limit import JointLimit
+from hqp_rp.control.joint_limit_potential import JointLimitPotential
+from hqp_rp.control.limit import Limit, VelocityLimit
+from hqp_rp.control.orientation_task import OrientationTask
+from hqp_rp.control.pointing_task import PointingTask
+from hqp_rp.control.pose_task import PoseTask
+from hqp_rp.control.position_task import PositionTask
+from hqp_rp.control.posture_task import PostureTask
+from hqp_rp.control.relative_pose_task import RelativePoseTask
+from hqp_rp.control.stack import Stack
+from hqp_rp.control.task import FeedbackTask, Task
+from hqp_rp.control.twist_task import TwistTask
+
+__all__ = [
+    "CenterOfMassTask",
+    "FeedbackTask",
+    "JointLimit",
+    "JointLimitPotential",
+    "Limit",
+    "OrientationTask",
+    "PointingTask",
+    "PoseTask",
+    "PositionTask",
+    "PostureTask",
+    "RelativePoseTask",
+    "Stack",
+    "Task",
+    "TwistTask",
+    "VelocityLimit",
+]

@@ -1,0 +1,60 @@
+"""Rotations as matrices: the logarithm of SO(3), quaternions, the cross-product matrix."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hqp_rp.core.problem import FloatArray
+
+
+def rotation_log(R: FloatArray) -> FloatArray:
+    """The rotation vector r (3,) in rad, 0 <= |r| <= pi, with R = exp([r]x); R is a rotation matrix (3, 3).
+
+    Through the quaternion of Shepperd 1978 (the largest of four forms), so it keeps full accuracy near angle 0 and near
+    pi. At exactly pi both r and -r are right: the one whose largest component is positive is returned.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    trace = a + e + i
+    largest = max(trace, a, e, i)
+    # Four times the product of one quaternion component with all of them; the common factor drops out below.
+    if largest == trace:
+        w, x, y, z = 1.0 + trace, h - f, c - g, d - b
+    elif largest == a:
+        w, x, y, z = h - f, 1.0 + a - e - i, b + d, c + g
+    elif largest == e:
+        w, x, y, z = c - g, b + d, 1.0 - a + e - i, f + h
+    else:
+        w, x, y, z = d - b, c + g, f + h, 1.0 - a - e + i
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = math.hypot(x, y, z)
+    # atan2(s, w) / s tends to 1 / w: below 1e-9 the next term of the series, (s / w)^2 / 3, is lost in rounding.
+    factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-9 * w else 2.0 / w
+    return np.array((factor * x, factor * y, factor * z))
+
+
+def quaternion_to_matrix(quaternion: FloatArray) -> FloatArray:
+    """The rotation matrix (3, 3) of a unit quaternion (4,) in the order (w, x, y, z)."""
+    w, x, y, z = quaternion.tolist()
+    return np.array(
+        (
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+        )
+    )
+
+
+def nearest_rotation(matrix: FloatArray) -> FloatArray:
+    """The orthogonal factor of the polar decomposition: the rotation nearest to `matrix` (3, 3)."""
+    U, _, Vt = np.linalg.svd(matrix)
+    nearest: FloatArray = U @ Vt
+    return nearest
+
+
+def skew(vector: FloatArray) -> FloatArray:
+    """[a]x (3, 3), with [a]x b = a x b."""
+    x, y, z = vector.tolist()
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))

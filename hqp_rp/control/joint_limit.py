@@ -1,0 +1,172 @@
+"""Joint position, velocity and acceleration limits, folded into one box on the velocity that is never empty."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hqp_rp.control._checks import positive_number, real_array
+from hqp_rp.control._coordinates import coordinate_index, joint_positions
+from hqp_rp.control.limit import PerJoint, checked_per_joint, identity, per_joint
+from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.robot.robot import Robot
+
+
+class JointLimit:
+    """One box `lower <= v <= upper` from position, velocity and acceleration limits; it is never empty.
+
+    Per joint, with position q in [l, u], velocity limit V, acceleration limit A, step dt, and u' the velocity before::
+
+        position       phi(l - q) / dt <= v <= phi(u - q) / dt       phi(d) = sign(d) min(gain |d|, X(|d|)), phi odd
+        acceleration   u' - A dt <= v <= u' + A dt
+        velocity       -V <= v <= V
+
+        X(d) = d / N + a (N - 1) / 2,   a = A dt^2,   N = max(1, ceil((sqrt(1 + 8 d / a) - 1) / 2))
+
+    X(d) is the longest step from which braking at A, one step at a time, still stops within d (the discrete-time form of
+    the bound sqrt(2 A d) on the velocity; X(d) = d without acceleration limit). Where the three contradict each other,
+    acceleration yields to velocity, and position yields to both: the position interval is clipped into the
+    acceleration interval, itself clipped into the velocity interval. So:
+
+    - the box is never empty, whatever q and u' are;
+    - |v| <= V always, and |v - u'| <= A dt whenever |u'| <= V + A dt;
+    - a robot that starts at rest within its position limits and stays in the box never leaves them, and needs no more
+      than A to do so;
+    - a robot that starts outside is made to come back: from rest it never moves further out, its distance shrinks at
+      every step by at least min(gain d, X(d), V dt, and what A allows), and the return never asks for more than V or A. A
+      robot that starts outside and moves further out first brakes at A, then comes back.
+
+    Args:
+        position: whether the robot's position limits count; where infinite, there is none.
+        velocity: V, rad/s or m/s: as `limit` of `VelocityLimit`; None takes the robot's own.
+        acceleration: A, rad/s^2 or m/s^2: one number, (nv,) numbers, a mapping from joint name to number (none for the
+            others), or None for no limit. Needs the velocity before the step: `stack.problem(robot, dt, v)`.
+        gain: in (0, 1], the fraction of the distance to a position limit that one step may take.
+        margin: rad or m, >= 0, by which the position limits are drawn in.
+        name: default "joint limits".
+
+    Raises:
+        SettingError: a value out of its range; a step without v although accelerations are limited.
+        RobotError: when it meets a robot that it does not fit, or whose range the margin swallows.
+
+    Source: Flacco, De Luca and Khatib, "Motion control of redundant robots under joint constraints: saturation in the null
+    space", ICRA 2012, for the box from the three limits; X(d), the order in which they yield and the way back are ours.
+    """
+
+    __slots__ = (
+        "_acceleration",
+        "_bound",
+        "_coordinates",
+        "_gain",
+        "_identity",
+        "_limits",
+        "_margin",
+        "_name",
+        "_position",
+        "_velocity",
+    )
+
+    def __init__(
+        self,
+        *,
+        position: bool = True,
+        velocity: PerJoint = None,
+        acceleration: PerJoint = None,
+        gain: float = 0.95,
+        margin: ArrayLike = 0.0,
+        name: str = "joint limits",
+    ) -> None:
+        self._name = name
+        self._position = bool(position)
+        self._velocity = checked_per_joint(velocity, f"the velocity of {name!r}")
+        self._acceleration = checked_per_joint(acceleration, f"the acceleration of {name!r}")
+        self._gain = positive_number(gain, f"the gain of {name!r}")
+        if self._gain > 1.0:
+            raise SettingError(f"the gain of {name!r} is {gain!r}; it must be in (0, 1], or one step passes the limit.")
+        self._margin = real_array(margin, f"the margin of {name!r}")
+        if self._margin.ndim > 1 or not ((self._margin >= 0.0) & np.isfinite(self._margin)).all():
+            raise SettingError(f"the margin of {name!r} is {self._margin.tolist()}; it must be finite and >= 0.")
+        self._bound: Robot | None = None
+        self._coordinates: IntArray | None = None
+        self._identity = np.empty((0, 0))
+        self._limits: tuple[FloatArray, FloatArray, FloatArray, FloatArray | None] | None = None
+
+    @property
+    def name(self) -> str:
+        """What levels, reports and errors call the limit."""
+        return self._name
+
+    def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The identity (nv, nv), lower (nv,) and upper (nv,), rad/s or m/s; v is the velocity before this step."""
+        limits = self._limits if robot is self._bound and self._limits is not None else self._bind(robot)
+        least, greatest, speed, acceleration = limits
+        if acceleration is not None and v is None:
+            raise SettingError(
+                f"limit {self._name!r} bounds accelerations, so it needs the velocity before this step: "
+                "stack.problem(robot, dt, v); zeros for a robot at rest."
+            )
+        lower, upper = -speed, speed
+        if acceleration is not None and v is not None:
+            lower, upper = v - acceleration * dt, v + acceleration * dt
+            # A velocity beyond V comes back to V at once: the clip moves both bounds there.
+            np.clip(lower, -speed, speed, out=lower)
+            np.clip(upper, -speed, speed, out=upper)
+        if not self._position:
+            return self._identity, lower, upper
+        q = joint_positions(robot.q, self._coordinates)
+        down, up = least - q, greatest - q
+        if acceleration is None:
+            down *= self._gain / dt
+            up *= self._gain / dt
+        else:
+            down = _allowed_step(down, self._gain, acceleration * (dt * dt)) / dt
+            # The steps grow with the distance, but rounding may swap two that are equal.
+            up = np.maximum(down, _allowed_step(up, self._gain, acceleration * (dt * dt)) / dt)
+        return (
+            self._identity,
+            np.minimum(np.maximum(down, lower), upper),
+            np.maximum(np.minimum(up, upper), lower),
+        )
+
+    def _bind(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+        owner = f"limit {self._name!r}"
+        if self._margin.ndim and len(self._margin) != robot.nv:
+            raise RobotError(f"{owner}: margin has {len(self._margin)} numbers; the robot has nv = {robot.nv}.")
+        least, greatest = robot.lower + self._margin, robot.upper - self._margin
+        empty = np.flatnonzero(least > greatest)
+        if self._position and empty.size:
+            i = int(empty[0])
+            raise RobotError(
+                f"{owner}: at velocity index {i} the margin {np.broadcast_to(self._margin, (robot.nv,))[i]:g} swallows "
+                f"the range [{robot.lower[i]:g}, {robot.upper[i]:g}]; give a smaller margin."
+            )
+        speed = per_joint(self._velocity, robot.velocity_limit, robot, owner)
+        acceleration = None
+        if self._acceleration is not None:
+            acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, owner)
+        bounded = (least > -math.inf) | (greatest < math.inf) if self._position else np.zeros(robot.nv, dtype=bool)
+        if acceleration is None and not bounded.any() and not np.isfinite(speed).any():
+            raise RobotError(
+                f"{owner}: the robot has no such limits and none are given; give velocity or acceleration."
+            )
+        speed.flags.writeable = False
+        self._identity = identity(robot.nv)
+        self._coordinates = coordinate_index(robot, owner) if self._position else None
+        self._bound, self._limits = robot, (least, greatest, speed, acceleration)
+        return self._limits
+
+    def __repr__(self) -> str:
+        return f"JointLimit({self._name!r})"
+
+
+def _allowed_step(distance: FloatArray, gain: float, a: FloatArray) -> FloatArray:
+    """phi(d): the signed step (n,) towards a limit at the signed distance d; a = A dt^2, infinite for no limit."""
+    size = np.abs(distance)
+    bounded = np.isfinite(size) & np.isfinite(a)
+    d, brake = np.where(bounded, size, 0.0), np.where(bounded, a, 1.0)
+    steps = np.maximum(1.0, np.ceil((np.sqrt(1.0 + 8.0 * d / brake) - 1.0) / 2.0))
+    longest = np.where(bounded, d / steps + brake * (steps - 1.0) / 2.0, size)
+    return np.copysign(np.minimum(gain * size, longest), distance)

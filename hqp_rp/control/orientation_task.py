@@ -1,0 +1,96 @@
+"""Orientation of a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from hqp_rp.control._checks import ANGULAR_AXES, WORLD, rotation
+from hqp_rp.control._rotations import rotation_log
+from hqp_rp.control.frame_task import FrameTask
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.robot import Robot
+
+
+class OrientationTask(FrameTask):
+    """Turn a frame R to a target R*: `S^T J_omega v = S^T feedforward + gain * e` with `e = S^T log(R* R^T)`.
+
+    log(R* R^T) is the rotation vector, in world axes, that takes R to R*; S holds the axes of `expressed_in`.
+
+    J is the geometric Jacobian (angular velocity), not the derivative of the logarithm: with a constant target and world
+    axes, de/dt = -J_r(e)^-1 J v, where J_r is the right Jacobian of SO(3). Both agree for small errors. Because
+    J_r(e)^-1 e = e, meeting all three rows still gives exactly de/dt = -gain e (one gain for all rows), however large the
+    error; and d(|e|^2 / 2)/dt = -e^T J v holds for every v. The geometric form is chosen because its rank and its
+    singularities belong to the robot alone, not to the target, and because a missed row then is an angular velocity. For a
+    single direction of the frame, which has its own exact error, use `PointingTask`.
+
+    The error jumps by 2 pi where |e| = pi: keep reference orientations less than half a turn away.
+
+    Args:
+        frame: name of the frame.
+        target: R* in the world: a rotation matrix (3, 3) from target to world, or a unit quaternion (4,) in the order
+            (w, x, y, z).
+        axes: any of "rx", "ry", "rz"; one row for each, rotation about that axis.
+        expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
+        gain: 1/s, >= 0, one number or one for each row.
+        feedforward: (3,) angular velocity of the target in world axes, rad/s; None means 0.
+        weight: > 0, one number or one for each row; see `FeedbackTask`.
+        name: default "<frame> orientation".
+
+    `target`, `feedforward`, `gain` and `weight` may be set at every step.
+
+    Raises:
+        SettingError: a value of the wrong shape, not finite, or out of its range; a target that is no rotation; an axis
+            that does not exist.
+    """
+
+    __slots__ = ("_target",)
+
+    def __init__(
+        self,
+        frame: str,
+        target: ArrayLike,
+        *,
+        axes: str | Sequence[str] = ANGULAR_AXES,
+        expressed_in: str = WORLD,
+        gain: ArrayLike = 1.0,
+        feedforward: ArrayLike | None = None,
+        weight: ArrayLike = 1.0,
+        name: str = "",
+    ) -> None:
+        super().__init__(
+            frame,
+            ANGULAR_AXES,
+            "orientation",
+            axes=axes,
+            expressed_in=expressed_in,
+            gain=gain,
+            feedforward=feedforward,
+            weight=weight,
+            name=name,
+        )
+        self.target = target
+
+    @property
+    def target(self) -> FloatArray:
+        """(3, 3) R*, from target to world. A quaternion (w, x, y, z) may be assigned as well."""
+        return self._target
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        self._target = rotation(value, f"the target of {self._name!r}")
+
+    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        R = robot.pose(self._frame)[0]
+        J = robot.jacobian(self._frame)[3:]
+        error = rotation_log(self._target @ R.T)
+        feedforward = self._feedforward
+        S = self._axes_rotation(robot, R)
+        if S is not None:
+            J, error = S.T @ J, S.T @ error
+            feedforward = None if feedforward is None else S.T @ feedforward
+        if self._rows == 3 and isinstance(self._index, slice):
+            return J, error, feedforward
+        index = self._index
+        return J[index], error[index], None if feedforward is None else feedforward[index]

@@ -1,0 +1,112 @@
+"""Pose of one frame of the robot seen from another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hqp_rp.control._checks import TWIST_AXES, axis_rows, finite_vector, frame_name, pose
+from hqp_rp.control._rotations import rotation_log, skew
+from hqp_rp.control.task import FeedbackTask
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.robot import Robot
+
+
+class RelativePoseTask(FeedbackTask):
+    """Bring frame b to a target pose (R*, p*) seen from frame a: both may move, as the two hands of a dual arm do.
+
+    With p = R_a^T (p_b - p_a) and R = R_a^T R_b, all in the axes of a::
+
+        e = [p* - p; log(R* R^T)]
+        J = [R_a^T (J_p,b - J_p,a + [p_b - p_a]x J_omega,a); R_a^T (J_omega,b - J_omega,a)]
+
+    The position half is exact, d(e)/dt = -J v; the orientation half is geometric, with the properties stated in
+    `OrientationTask`.
+
+    Args:
+        frame: name of b.
+        reference: name of a.
+        target: (R*, p*) of b in a (R* may be a quaternion (w, x, y, z); p* (3,) in m), or a homogeneous matrix (4, 4).
+        axes: any of "x", "y", "z", "rx", "ry", "rz", along the axes of a.
+        gain: 1/s, >= 0, one number or one for each row.
+        feedforward: (6,) velocity of the target as seen from a, in its axes, m/s then rad/s; None means 0.
+        weight: > 0, one number or one for each row; see `FeedbackTask`.
+        name: default "<frame> in <reference>".
+
+    `target`, `feedforward`, `gain` and `weight` may be set at every step.
+
+    Raises:
+        SettingError: a value of the wrong shape, not finite, or out of its range; frame and reference the same.
+    """
+
+    __slots__ = ("_axes", "_feedforward", "_frame", "_index", "_reference", "_target")
+
+    def __init__(
+        self,
+        frame: str,
+        reference: str,
+        target: tuple[ArrayLike, ArrayLike] | ArrayLike,
+        *,
+        axes: str | Sequence[str] = TWIST_AXES,
+        gain: ArrayLike = 1.0,
+        feedforward: ArrayLike | None = None,
+        weight: ArrayLike = 1.0,
+        name: str = "",
+    ) -> None:
+        self._frame = frame_name(frame, "frame")
+        self._reference = frame_name(reference, "reference")
+        if frame == reference:
+            raise SettingError(f"frame and reference are both {frame!r}, which never moves in itself; give two frames.")
+        label = name or f"{frame} in {reference}"
+        self._axes, self._index = axis_rows(axes, TWIST_AXES, f"axes of {label!r}")
+        super().__init__(len(self._axes), label, gain, weight)
+        self.target = target
+        self.feedforward = feedforward
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The chosen axes of the reference frame, one for each row."""
+        return self._axes
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that the task uses."""
+        return (self._frame, self._reference)
+
+    @property
+    def target(self) -> tuple[FloatArray, FloatArray]:
+        """(R* (3, 3), p* (3,) in m) of the frame in the reference; a matrix (4, 4) may be assigned as well."""
+        return self._target
+
+    @target.setter
+    def target(self, value: tuple[ArrayLike, ArrayLike] | ArrayLike) -> None:
+        self._target = pose(value, f"the target of {self._name!r}")
+
+    @property
+    def feedforward(self) -> FloatArray | None:
+        """(6,) velocity of the target in the reference, m/s then rad/s, or None; may be set at every step."""
+        return self._feedforward
+
+    @feedforward.setter
+    def feedforward(self, value: ArrayLike | None) -> None:
+        self._feedforward = (
+            None if value is None else finite_vector(value, 6, f"the feedforward of {self._name!r}", "m/s and rad/s")
+        )
+
+    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        R_a, p_a = robot.pose(self._reference)
+        R_b, p_b = robot.pose(self._frame)
+        J_a, J_b = robot.jacobian(self._reference), robot.jacobian(self._frame)
+        R, p = self._target
+        between = p_b - p_a
+        error = np.empty(6)
+        error[:3] = p - R_a.T @ between
+        error[3:] = rotation_log(R @ (R_b.T @ R_a))
+        J = np.empty((6, robot.nv))
+        J[:3] = R_a.T @ (J_b[:3] - J_a[:3] + skew(between) @ J_a[3:])
+        J[3:] = R_a.T @ (J_b[3:] - J_a[3:])
+        index, feedforward = self._index, self._feedforward
+        return J[index], error[index], None if feedforward is None else feedforward[index]

@@ -1,0 +1,301 @@
+"""The stack of tasks: levels in order of priority and limits, turned into a `Problem` at every control step."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control.limit import Limit
+from hqp_rp.control.task import Task
+from hqp_rp.core.errors import HqpError, ProblemError, RobotError, SettingError
+from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
+from hqp_rp.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from hqp_rp.control.mink_adapter import Configurations
+
+Item: TypeAlias = Any
+"""A `Task`, a `Limit`, or a task or limit of mink."""
+
+_Rows: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+
+_TASK, _LIMIT, _MINK_TASK = 0, 1, 2
+_MEANT = "a Task, a Limit, or a task or limit of mink"
+
+
+class Stack:
+    """Levels of tasks and limits, most important first, and hard limits, for a robot's velocity.
+
+    `stack.problem(robot, dt)` is the prioritized problem at the robot's current configuration; its unknown is the velocity
+    v (nv,) that the robot shall have during the next step. Any solver takes it::
+
+        stack = Stack([position, [orientation, com], posture], limits=[JointLimit()])
+        robot.update(q)
+        v = hqp_rp.solve(stack.problem(robot, dt), solver).x
+        q = robot.integrate(q, v, dt)
+
+    Args:
+        levels: one entry for each level: a task, or a sequence of tasks whose rows are stacked. A limit may stand wherever
+            a task may: there it is soft, violated as little as the levels before it allow. Tasks and limits of mink are
+            taken as they are, for robots that MuJoCo computes: see `hqp_rp.control.mink_adapter`.
+        limits: rows that no answer may violate. A task given here is a hard equality.
+        names: one name for each level; by default the names of its tasks.
+
+    Raises:
+        SettingError: no level, an empty level, names that do not fit, or an item that is none of these.
+    """
+
+    __slots__ = (
+        "_configurations",
+        "_counts",
+        "_ends",
+        "_hard",
+        "_items",
+        "_levels",
+        "_limits",
+        "_names",
+        "_needs_dt",
+        "_offsets",
+        "_robot",
+        "_two_sided",
+    )
+
+    def __init__(
+        self,
+        levels: Sequence[Item | Sequence[Item]],
+        limits: Sequence[Item] = (),
+        *,
+        names: Sequence[str] | None = None,
+    ) -> None:
+        self._configurations: Configurations | None = None
+        if not isinstance(levels, list | tuple) or not levels:
+            raise SettingError(f"levels is {levels!r}; give a list with at least one level, most important first.")
+        if not isinstance(limits, list | tuple):
+            raise SettingError(f"limits is {limits!r}; give a list of limits, empty for none.")
+        self._levels = tuple(_as_level(level, k) for k, level in enumerate(levels))
+        self._limits = tuple(limits)
+        adapted = [[self._adapt(item, f"level {k + 1}") for item in level] for k, level in enumerate(self._levels)]
+        self._items = [pair for level in adapted for pair in level]
+        self._ends = np.cumsum([len(level) for level in adapted]).tolist()
+        self._hard = [self._adapt(item, "limits") for item in self._limits]
+        self._names = _level_names(names, adapted)
+        self._needs_dt = any(kind != _TASK for kind, _ in (*self._items, *self._hard))
+        self._two_sided = any(kind == _LIMIT for kind, _ in self._items)
+        self._robot: Robot | None = None
+        self._counts: list[int] = []
+        self._offsets: IntArray = np.zeros(1, dtype=np.int64)
+
+    @property
+    def levels(self) -> tuple[tuple[Item, ...], ...]:
+        """The items of each level as they were given."""
+        return self._levels
+
+    @property
+    def limits(self) -> tuple[Item, ...]:
+        """The hard limits as they were given."""
+        return self._limits
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each level."""
+        return self._names
+
+    def problem(self, robot: Robot, dt: float | None = None, v: ArrayLike | None = None) -> Problem:
+        """The prioritized problem at the robot's current configuration.
+
+        Every array is fresh and read-only: a problem stays as it is when the robot moves on.
+
+        Args:
+            robot: at its current configuration; `robot.update(q)` sets it.
+            dt: > 0, s, for how long the answer will be held. Needed by limits and by tasks of mink only.
+            v: (nv,) velocity before this step, rad/s or m/s. Needed by limits on accelerations only.
+
+        Raises:
+            SettingError: dt or v missing or out of range.
+            RobotError: a frame or joint that the robot does not have.
+            ProblemError: rows that do not fit together or are not finite; it names the level and the item.
+        """
+        if robot is not self._robot:
+            self._meet(robot)
+        if dt is not None:
+            dt = positive_number(dt, "dt")
+        elif self._needs_dt:
+            raise SettingError("this stack holds limits or mink tasks, which need the time step: problem(robot, dt).")
+        if v is not None:
+            v = _checked_velocity(v, robot)
+        if self._configurations is not None:
+            self._configurations.expire()
+
+        (matrix, lower, upper), counts = self._evaluate(self._items, robot, dt, v, self._two_sided)
+        if counts != self._counts:
+            ends = np.cumsum([0, *counts])
+            self._offsets = np.array([0, *ends[self._ends]], dtype=np.int64)
+            self._offsets.flags.writeable = False
+            self._counts = counts
+        hard = None
+        if self._hard:
+            rows, _ = self._evaluate(self._hard, robot, dt, v, True)
+            hard = Level._view(*rows, "limits")
+        return Problem.from_stacked(matrix, lower, upper, self._offsets, names=self._names, hard=hard, check=False)
+
+    def _evaluate(
+        self, items: list[tuple[int, Any]], robot: Robot, dt: float | None, v: FloatArray | None, two_sided: bool
+    ) -> tuple[_Rows, list[int]]:
+        """The stacked rows of `items`, checked, and how many rows each has."""
+        n = robot.nv
+        matrices: list[FloatArray] = []
+        lowers: list[FloatArray] = []
+        uppers: list[FloatArray] = []
+        counts: list[int] = []
+        for kind, item in items:
+            if kind == _TASK:
+                A, lower = item.evaluate(robot)
+                upper = lower
+            elif kind == _LIMIT:
+                A, lower, upper = item.rows(robot, dt, v)
+            else:
+                A, lower = item.evaluate(robot, dt)
+                upper = lower
+            m = len(lower)
+            if A.shape != (m, n) or len(upper) != m:
+                raise self._misfit(item, A, lower, upper, n)
+            matrices.append(A)
+            lowers.append(lower)
+            uppers.append(upper)
+            counts.append(m)
+        # Fresh arrays at each step: a problem that someone keeps must not change when the next one is built. `out` makes
+        # them C-contiguous float64 whatever the robot library returned.
+        total = sum(counts)
+        matrix, lower = np.empty((total, n)), np.empty(total)
+        np.concatenate(matrices, out=matrix)
+        np.concatenate(lowers, out=lower)
+        finite = math.isfinite(np.vdot(matrix, matrix))
+        if two_sided:
+            upper = np.empty(total)
+            np.concatenate(uppers, out=upper)
+            # Comparisons with nan are false, so that this also finds every nan.
+            sound = finite and bool(((lower <= upper) & (lower < math.inf) & (upper > -math.inf)).all())
+        else:
+            upper = lower
+            sound = finite and math.isfinite(lower.dot(lower))
+        if not sound:
+            self._refuse_unsound(items, matrices, lowers, uppers)
+        for array in (matrix, lower, upper):
+            array.flags.writeable = False
+        return (matrix, lower, upper), counts
+
+    def _meet(self, robot: Robot) -> None:
+        """Check that the robot has what the items name."""
+        if not isinstance(robot, Robot):
+            raise RobotError(
+                f"robot is a {type(robot).__name__}; give a robot with the methods of hqp_rp.robot.Robot, such as a "
+                "MujocoRobot."
+            )
+        for where, item in self._places():
+            check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
+        self._robot = robot
+
+    def _places(self) -> Iterator[tuple[str, Any]]:
+        level = 0
+        for position, (_, item) in enumerate(self._items):
+            while position >= self._ends[level]:
+                level += 1
+            yield f"level {level + 1}", item
+        for _, item in self._hard:
+            yield "limits", item
+
+    def _where(self, item: Any) -> str:
+        return next((f"{where}: {item.name!r}" for where, other in self._places() if other is item), repr(item))
+
+    def _misfit(self, item: Any, A: FloatArray, lower: FloatArray, upper: FloatArray, n: int) -> HqpError:
+        shapes = f"a matrix {np.shape(A)} and bounds {np.shape(lower)}"
+        if np.shape(upper) != np.shape(lower):
+            shapes += f" and {np.shape(upper)}"
+        return ProblemError(
+            f"{self._where(item)} gives {shapes}; for this robot it must be a matrix (m, {n}) and m bounds, (m,)."
+        )
+
+    def _refuse_unsound(
+        self,
+        items: list[tuple[int, Any]],
+        matrices: list[FloatArray],
+        lowers: list[FloatArray],
+        uppers: list[FloatArray],
+    ) -> None:
+        """Raise `ProblemError` for the first item with a nan, an infinite entry or crossed bounds; pass if all is well.
+
+        (All is well when the quick test overflowed on huge but finite entries.)
+        """
+        for (kind, item), A, lower, upper in zip(items, matrices, lowers, uppers, strict=True):
+            if kind == _LIMIT:
+                bad = ~((lower <= upper) & (lower < math.inf) & (upper > -math.inf))
+                rule = "every bound must be a number with lower <= upper, and infinite only to mean none"
+            else:
+                bad = ~np.isfinite(lower)
+                rule = "every entry must be finite"
+            if not np.isfinite(A).all():
+                i, j = (int(k) for k in np.argwhere(~np.isfinite(A))[0])
+                raise ProblemError(f"{self._where(item)}: matrix[{i}, {j}] is {A[i, j]}; every entry must be finite.")
+            if bad.any():
+                i = int(np.flatnonzero(bad)[0])
+                value = (
+                    f"lower[{i}] is {lower[i]}, upper[{i}] is {upper[i]}"
+                    if kind == _LIMIT
+                    else f"rate[{i}] is {lower[i]}"
+                )
+                raise ProblemError(f"{self._where(item)}: {value}; {rule}.")
+
+    def _adapt(self, item: Any, where: str) -> tuple[int, Any]:
+        """What kind of item it is, and the item or its adapter."""
+        mink = sys.modules.get("mink")  # whoever holds an object of mink has imported it
+        if mink is not None and type(item).__module__ != "builtins":
+            from hqp_rp.control.mink_adapter import Configurations, MinkTask, adapt
+
+            configurations = self._configurations or Configurations()
+            adapted = adapt(item, configurations)
+            if adapted is not None:
+                self._configurations = configurations
+                return (_MINK_TASK if isinstance(adapted, MinkTask) else _LIMIT), adapted
+        if not isinstance(item, type):
+            if isinstance(item, Task):
+                return _TASK, item
+            if isinstance(item, Limit):
+                return _LIMIT, item
+        shown = f"the class {item.__name__}" if isinstance(item, type) else repr(item)
+        raise SettingError(f"{where} holds {shown}, which is neither {_MEANT}; give one of these.")
+
+    def __repr__(self) -> str:
+        hard = f", {len(self._limits)} hard" if self._limits else ""
+        return f"Stack({' > '.join(self._names)}{hard})"
+
+
+def _as_level(level: Item | Sequence[Item], k: int) -> tuple[Item, ...]:
+    if not isinstance(level, list | tuple):
+        return (level,)
+    if not level:
+        raise SettingError(f"level {k + 1} is empty; give it at least one task, or leave the level out.")
+    return tuple(level)
+
+
+def _level_names(names: Sequence[str] | None, levels: list[list[tuple[int, Any]]]) -> tuple[str, ...]:
+    if names is None:
+        return tuple(" + ".join(str(item.name) for _, item in level) for level in levels)
+    if isinstance(names, str) or len(names) != len(levels):
+        raise SettingError(f"names is {names!r}; give one name for each of the {len(levels)} levels.")
+    return tuple(str(name) for name in names)
+
+
+def _checked_velocity(v: ArrayLike, robot: Robot) -> FloatArray:
+    try:
+        velocity = np.ascontiguousarray(v, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise SettingError(f"v is {v!r}; it must be {robot.nv} numbers in rad/s or m/s.") from None
+    if velocity.shape != (robot.nv,) or not np.isfinite(velocity).all():
+        raise SettingError(f"v is {velocity.tolist()}; it must be {robot.nv} finite numbers in rad/s or m/s.")
+    return velocity

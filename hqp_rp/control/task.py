@@ -1,0 +1,110 @@
+"""The task protocol, and the proportional feedback that the library's own tasks share."""
+
+from __future__ import annotations
+
+import abc
+from typing import Protocol, runtime_checkable
+
+from numpy.typing import ArrayLike
+
+from hqp_rp.control._checks import per_row
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.robot import Robot
+
+
+@runtime_checkable
+class Task(Protocol):
+    """What a robot should do at its current configuration: rows `J v = rate` on its velocity v (nv,).
+
+    Anything with a `name` and an `evaluate` is a task. A task that also has `frames`, the names of the frames it uses,
+    has them checked when a stack first meets a robot.
+    """
+
+    @property
+    def name(self) -> str:
+        """What levels, reports and errors call the task."""
+        ...
+
+    def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
+        """Jacobian (m, nv) and rate (m,) at the robot's current configuration. m may change between calls."""
+        ...
+
+
+class FeedbackTask(abc.ABC):
+    """A task with an error to drive to zero: `J v = feedforward + gain * error`, rows scaled by `weight`.
+
+    The error is what is missing (target minus actual). With a constant target, d(error)/dt = -J v unless the task's own
+    docstring says otherwise, so where the rows are met, error(t) = exp(-gain t) error(0).
+
+    Args:
+        rows: m, the number of rows; None when only a robot can tell.
+        name: what levels, reports and errors call the task.
+        gain: 1/s, >= 0: one number, or one for each row. In discrete time keep gain * dt <= 1.
+        weight: > 0, one number or one for each row: how rows of the same level are weighed against each other when they
+            cannot all be met, and how metres are weighed against radians. Priorities between levels ignore it.
+
+    Raises:
+        SettingError: a gain or weight of the wrong shape or sign.
+    """
+
+    __slots__ = ("_gain", "_name", "_rows", "_weight")
+
+    def __init__(self, rows: int | None, name: str, gain: ArrayLike, weight: ArrayLike) -> None:
+        self._rows = rows
+        self._name = str(name)
+        self.gain = gain
+        self.weight = weight
+
+    @abc.abstractmethod
+    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """Jacobian (m, nv), error (m,) and feed-forward (m,) or None, before the weight."""
+
+    @property
+    def name(self) -> str:
+        """What levels, reports and errors call the task."""
+        return self._name
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that the task uses."""
+        return ()
+
+    @property
+    def gain(self) -> float | FloatArray:
+        """1/s, one number or (m,); may be set at any time."""
+        return self._gain
+
+    @gain.setter
+    def gain(self, value: ArrayLike) -> None:
+        self._gain = per_row(value, self._rows, f"the gain of {self._name!r}", positive=False)
+
+    @property
+    def weight(self) -> float | FloatArray:
+        """One number or (m,); may be set at any time."""
+        return self._weight
+
+    @weight.setter
+    def weight(self, value: ArrayLike) -> None:
+        self._weight = per_row(value, self._rows, f"the weight of {self._name!r}", positive=True)
+
+    def error(self, robot: Robot) -> FloatArray:
+        """(m,) target minus actual at the robot's current configuration, before the weight."""
+        return self._terms(robot)[1]
+
+    def jacobian(self, robot: Robot) -> FloatArray:
+        """(m, nv) Jacobian at the robot's current configuration, before the weight."""
+        return self._terms(robot)[0]
+
+    def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
+        """Jacobian (m, nv) and rate (m,) = feedforward + gain * error, both scaled by the weight."""
+        J, error, feedforward = self._terms(robot)
+        rate = self._gain * error
+        if feedforward is not None:
+            rate += feedforward
+        weight = self._weight
+        if isinstance(weight, float):
+            return (J, rate) if weight == 1.0 else (weight * J, weight * rate)
+        return weight[:, None] * J, weight * rate
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._name!r})"

@@ -1,0 +1,97 @@
+"""A commanded velocity of a frame, without feedback."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_rows, finite_vector, frame_name, per_row
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.robot import Robot
+
+
+class TwistTask:
+    """Move a frame at a given velocity along chosen axes: `(S^T J)[axes] v = velocity`.
+
+    J is the geometric Jacobian (velocity of the frame's origin over angular velocity) and S holds the axes of
+    `expressed_in`. There is no error to feed back: this is the task for references that another law integrates, such as
+    force or impedance control, and for teleoperation.
+
+    Args:
+        frame: name of the frame.
+        velocity: (k,) one number for each chosen axis, along the axes of `expressed_in`: m/s for "x", "y", "z" and rad/s
+            for "rx", "ry", "rz". None means 0: hold still.
+        axes: any of "x", "y", "z", "rx", "ry", "rz", in the order the rows shall have.
+        expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
+        weight: > 0, one number or one for each row; see `FeedbackTask`.
+        name: default "<frame> twist".
+
+    `velocity` may be set at every step.
+
+    Raises:
+        SettingError: a velocity or weight of the wrong shape, not finite or out of its range; an axis that does not
+            exist.
+    """
+
+    __slots__ = ("_axes", "_expressed_in", "_frame", "_index", "_name", "_velocity", "_weight")
+
+    def __init__(
+        self,
+        frame: str,
+        velocity: ArrayLike | None = None,
+        *,
+        axes: str | Sequence[str] = TWIST_AXES,
+        expressed_in: str = WORLD,
+        weight: ArrayLike = 1.0,
+        name: str = "",
+    ) -> None:
+        self._frame = frame_name(frame, "frame")
+        self._expressed_in = frame_name(expressed_in, "expressed_in")
+        self._name = name or f"{frame} twist"
+        self._axes, self._index = axis_rows(axes, TWIST_AXES, f"axes of {self._name!r}")
+        self._weight = per_row(weight, len(self._axes), f"the weight of {self._name!r}", positive=True)
+        self.velocity = np.zeros(len(self._axes)) if velocity is None else velocity
+
+    @property
+    def name(self) -> str:
+        """What levels, reports and errors call the task."""
+        return self._name
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The chosen axes, one for each row."""
+        return self._axes
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that the task uses."""
+        return (self._frame, self._expressed_in)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """(k,) m/s and rad/s, one number for each chosen axis."""
+        return self._velocity
+
+    @velocity.setter
+    def velocity(self, value: ArrayLike) -> None:
+        self._velocity = finite_vector(value, len(self._axes), f"the velocity of {self._name!r}", "m/s and rad/s")
+
+    def jacobian(self, robot: Robot) -> FloatArray:
+        """(k, nv) geometric Jacobian along the chosen axes, before the weight."""
+        J = robot.jacobian(self._frame)
+        if self._expressed_in != WORLD:
+            S = robot.pose(self._expressed_in)[0]
+            J = np.concatenate((S.T @ J[:3], S.T @ J[3:]))
+        return J[self._index]
+
+    def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
+        """Jacobian (k, nv) and rate (k,), both scaled by the weight."""
+        J, weight = self.jacobian(robot), self._weight
+        if isinstance(weight, float):
+            return (J, self._velocity) if weight == 1.0 else (weight * J, weight * self._velocity)
+        return weight[:, None] * J, weight * self._velocity
+
+    def __repr__(self) -> str:
+        return f"TwistTask({self._name!r})"
