@@ -10,7 +10,7 @@ import numpy as np
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
-from hqp_rp.core.qp_level import Cascade
+from hqp_rp.core.qp_level import Cascade, Memory
 from hqp_rp.core.qp_workspace import Workspace, judge, minimize_hard_rows, minimize_rows
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
@@ -51,7 +51,9 @@ class QpCascade(Solver):
     """
 
     name: ClassVar[str] = "qp_cascade"
-    summary: ClassVar[str] = "Lexicographic optimum by one QP for each level, in the free directions of the levels before."
+    summary: ClassVar[str] = (
+        "Lexicographic optimum by one QP for each level, in the free directions of the levels before."
+    )
     source: ClassVar[str] = "Kanoun, Lamiraux and Wieber 2011; Escande, Mansard and Wieber 2014, section 2"
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
@@ -83,17 +85,26 @@ class QpCascade(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
+        memory = self._workspace.memory(problem)
+        warm = bool(memory)
+        solution = self._solve(problem, secondary, memory)
+        if warm and solution.status not in (Status.SOLVED, Status.INFEASIBLE):
+            # What is kept between calls must never cost an answer: once more, from nothing.
+            self.reset()
+            solution = self._solve(problem, secondary, self._workspace.memory(problem))
+        return solution
+
+    def _solve(self, problem: Problem, secondary: FloatArray | None, memory: dict[int, Memory]) -> Solution:
         start = np.zeros(problem.n) if secondary is None else secondary
         backend = self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
-        memory = self._workspace.memory(problem)
-        hard = 0 if problem.hard is None else problem.hard.m
-        cascade = Cascade(start, len(problem.matrix) + hard + problem.n, backend, memory, polish=self.polish)
+        rows = len(problem.matrix) + (0 if problem.hard is None else problem.hard.m) + problem.n
+        cascade = Cascade(start, rows, backend, memory, polish=self.polish)
         with np.errstate(all="ignore"):
             infeasible = minimize_hard_rows(cascade, problem.hard, self.tolerance)
             if infeasible is None:
                 for level in problem.levels:
                     minimize_rows(cascade, level.A, level.lower, level.upper, level.name)
-                cascade.minimize(np.eye(problem.n), start, start, "the nearest answer to the secondary vector")
+                cascade.minimize(np.eye(problem.n), start, start, "the distance to the secondary vector")
             status, message = judge(cascade, problem.hard, self.tolerance, infeasible)
         x = None if status in (Status.INFEASIBLE, Status.NOT_FINITE) else cascade.x
         return Solution(problem, x, status, cascade.iterations, message, secondary)

@@ -19,6 +19,8 @@ from hqp_rp.core.problem import FloatArray
 INFINITE = 1e20
 """Bounds at or beyond this size are no bounds: the convention of ProxQP and OSQP, applied to every back end."""
 
+_NEVER = 1e-15
+
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SlackQP:
@@ -77,7 +79,12 @@ class QPAnswer:
 
 
 class Backend(abc.ABC):
-    """A QP solver with the workspaces it keeps. Not safe to share between threads."""
+    """A QP solver with the workspaces it keeps. Not safe to share between threads.
+
+    `reused`: whether the last solve went through a workspace of an earlier one.
+    """
+
+    reused: bool = False
 
     @abc.abstractmethod
     def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
@@ -108,6 +115,7 @@ class ProxQPBackend(Backend):
         n, m, soft = qp.shape
         warm = guess is not None and m > 0
         solver = self._workspaces.get(qp.shape)
+        self.reused = solver is not None
         if solver is None:
             solver = self._workspaces[qp.shape] = self._new(n + soft, m)
             update = solver.init
@@ -148,6 +156,8 @@ class ProxQPBackend(Backend):
         settings = solver.settings
         settings.eps_abs = self._eps_abs
         settings.eps_rel = 0.0
+        # Every QP put here is feasible and bounded; at the default 1e-4 ProxQP at times claims otherwise.
+        settings.eps_primal_inf = settings.eps_dual_inf = _NEVER
         settings.max_iter = self._max_iterations
         settings.max_iter_in = self._INNER_ITERATIONS
         return solver
@@ -169,7 +179,14 @@ class OSQPBackend(Backend):
 
         self._osqp = osqp
         self._sparse = sparse
-        self._settings = {"eps_abs": eps_abs, "eps_rel": eps_abs, "max_iter": max_iterations, "verbose": False}
+        self._settings = {
+            "eps_abs": eps_abs,
+            "eps_rel": eps_abs,
+            "eps_prim_inf": _NEVER,
+            "eps_dual_inf": _NEVER,
+            "max_iter": max_iterations,
+            "verbose": False,
+        }
         self._workspaces: dict[tuple[int, int, int], Any] = {}
 
     def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
@@ -178,6 +195,7 @@ class OSQPBackend(Backend):
         gradient = np.concatenate([qp.gradient, np.zeros(soft)])
         data = np.concatenate([qp.rows.ravel(order="F"), np.ones(soft)])
         solver = self._workspaces.get(qp.shape)
+        self.reused = solver is not None
         if solver is None:
             solver = self._workspaces[qp.shape] = self._new(qp, hessian, gradient, data)
         else:

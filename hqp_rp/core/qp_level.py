@@ -13,7 +13,9 @@ from hqp_rp.core.qp_backend import Backend, Outcome, QPAnswer, SlackQP
 from hqp_rp.core.solver import RANK_TOLERANCE
 
 _EPS = float(np.finfo(np.float64).eps)
-_FLAT = 1e-3  # Singular values are preconditioned away down to this fraction of the largest one: see `Cascade.minimize`.
+_FLAT = (
+    1e-3  # Singular values are preconditioned away down to this fraction of the largest one: see `Cascade.minimize`.
+)
 _STRONG = 1e-6  # A row whose scaled multiplier or violation exceeds this stays where it is at later levels.
 
 
@@ -130,7 +132,8 @@ class Cascade:
             self.checks.append(Check(name, A, lower, upper, basis, 0.0))
             return
         D = 1.0 / np.maximum(sigma, _FLAT * sigma.max(initial=0.0))
-        level = _LevelQP(self, S_rows, S_lower, S_upper, c, sigma * D, np.hstack([Vr * D, V0]))
+        felt = self._felt(V0, S_rows)
+        level = _LevelQP(self, S_rows, S_lower, S_upper, c, sigma * D, np.hstack([Vr * D, felt]))
         unreachable = norm(d - U @ c)
         size = _power_of_two(np.concatenate([c, level.violation(np.zeros(level.n))]))
         t, y = np.zeros(level.n), np.zeros(level.m)
@@ -153,7 +156,7 @@ class Cascade:
     def _solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None, name: str) -> QPAnswer:
         answer = self._backend.solve(qp, guess)
         self.iterations += answer.iterations
-        if answer.outcome is not Outcome.CONVERGED:
+        if answer.outcome is not Outcome.CONVERGED and (guess is not None or self._backend.reused):
             # What is kept between calls must never cost an answer: once more, from nothing.
             self._backend.reset()
             answer = self._backend.solve(qp)
@@ -162,6 +165,16 @@ class Cascade:
             self.hit_limit |= answer.outcome is Outcome.LIMIT
             self.remarks.append(f"{name}: {answer.message}")
         return answer
+
+    def _felt(self, V0: FloatArray, rows: FloatArray) -> FloatArray:
+        """Basis of the part of V_0 that some row feels: along the rest the QP would be free to run away."""
+        ZV = self.Z @ V0
+        if ZV.shape[1] == 0:
+            return V0
+        lengths = np.linalg.norm(rows, axis=1)
+        directions = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
+        _, sigma, Vt = np.linalg.svd(np.concatenate([directions, self._kept]) @ ZV, full_matrices=False)
+        return np.asarray(V0 @ Vt[sigma > 1e-10].T)
 
     def _freeze(
         self,
@@ -241,7 +254,10 @@ class _LevelQP:
         self._hessian[: len(c)] = curvature**2
         self._gradient = np.zeros(self.n)
         self._gradient[: len(c)] = -curvature * c
-        self._rows = np.concatenate([rows @ ZT, kept / self._lengths[:, None]])
+        reach = rows @ ZT
+        # Rows that earlier levels have used up are rounding noise: nothing here may follow them.
+        reach[np.linalg.norm(rows @ cascade.Z, axis=1) <= RANK_TOLERANCE * np.linalg.norm(rows, axis=1)] = 0.0
+        self._rows = np.concatenate([reach, kept / self._lengths[:, None]])
         # The start is feasible by construction: a bound passed by rounding moves to where the point is.
         gap_lower = np.minimum(cascade._kept_lower - kept_value, 0.0) / self._lengths
         gap_upper = np.maximum(cascade._kept_upper - kept_value, 0.0) / self._lengths

@@ -43,19 +43,25 @@ def polish(qp: SlackQP, t: FloatArray, y: FloatArray) -> tuple[FloatArray, Float
         M = np.concatenate([J, qp.rows[violated]])
         G = qp.rows[active]
         target = np.concatenate([c, bound[violated]])
-        step, N = _constrained_step(M, target - M @ t, G, bound[active] - G @ t)
-        new = t + step
-        # One step of iterative refinement brings what the factorization lost.
-        new = new + _constrained_step(M, target - M @ new, G, bound[active] - G @ new, N)[0]
+        new = t
+        for _ in range(2):  # The second pass refines what the factorization lost.
+            new = new + _constrained_step(M, target - M @ new, G, bound[active] - G @ new)
         gradient = M.T @ (M @ new - target)
         multipliers = np.linalg.lstsq(G.T, -gradient, rcond=1e-10)[0] if len(active) else np.zeros(0)
         value = qp.rows @ new
         slack_y = np.zeros(len(y))
         slack_y[violated] = value[violated] - bound[violated]
         slack_y[active] = multipliers
+        if len(active) and np.abs(value[active] - bound[active]).max() > 1e-11 * (1.0 + float(np.abs(new).max())):
+            # More rows than can be met at once: the one that mattered least to the back end goes.
+            side = side.copy()
+            side[active[np.argmin(np.abs(y[active]))]] = 0.0
+            continue
         changed = _change_sides(qp, new, value, slack_y, side)
         if changed is None:
-            return new, slack_y
+            # On rows that are nearly dependent the factorization may run away: then the back end's answer is the better.
+            before, after = _objective(qp, t)[0], _objective(qp, new)[0]
+            return (new, slack_y) if after <= before + 1e-7 * (1.0 + before) else (t, y)
         side = changed
     return t, y
 
@@ -71,9 +77,7 @@ def _sides(qp: SlackQP, t: FloatArray, y: FloatArray) -> FloatArray:
     return side
 
 
-def _change_sides(
-    qp: SlackQP, t: FloatArray, value: FloatArray, y: FloatArray, side: FloatArray
-) -> FloatArray | None:
+def _change_sides(qp: SlackQP, t: FloatArray, value: FloatArray, y: FloatArray, side: FloatArray) -> FloatArray | None:
     """The sides after the rows that disagree with (t, y) have changed, or None when none does."""
     soft = qp.soft
     rounding = _FEASIBLE * (1.0 + np.abs(value) + np.linalg.norm(qp.rows, axis=1) * np.linalg.norm(t))
@@ -92,21 +96,24 @@ def _change_sides(
     return new
 
 
-def _constrained_step(
-    M: FloatArray, residual: FloatArray, G: FloatArray, gap: FloatArray, N: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """argmin ||M step - residual|| subject to G step = gap, of least norm; and a null-space basis of G."""
-    n = M.shape[1]
+def _constrained_step(M: FloatArray, residual: FloatArray, G: FloatArray, gap: FloatArray) -> FloatArray:
+    """argmin ||M step - residual|| subject to G step = gap, of least norm."""
     if len(G) == 0:
-        return np.linalg.lstsq(M, residual, rcond=1e-12)[0] if len(M) else np.zeros(n), np.eye(n)
+        return _least_squares(M, residual)
     U, sigma, Vt = np.linalg.svd(G)
     rank = int((sigma > 1e-10 * sigma[0]).sum()) if len(sigma) else 0
     particular = Vt[:rank].T @ ((U[:, :rank].T @ gap) / sigma[:rank])
     N = Vt[rank:].T
-    if N.shape[1] == 0 or len(M) == 0:
-        return particular, N
-    free = np.linalg.lstsq(M @ N, residual - M @ particular, rcond=1e-12)[0]
-    return particular + N @ free, N
+    return np.asarray(particular + N @ _least_squares(M @ N, residual - M @ particular))
+
+
+def _least_squares(M: FloatArray, residual: FloatArray) -> FloatArray:
+    """Least-norm least squares; in a scaled QP a singular value below 1e-12 is rounding noise."""
+    if M.size == 0:
+        return np.zeros(M.shape[1])
+    U, sigma, Vt = np.linalg.svd(M, full_matrices=False)
+    rank = int((sigma > 1e-12 * max(1.0, sigma[0])).sum())
+    return np.asarray(Vt[:rank].T @ ((U[:, :rank].T @ residual) / sigma[:rank]))
 
 
 def least_violation(qp: SlackQP, t: FloatArray, y: FloatArray) -> float:

@@ -99,7 +99,9 @@ def judge(cascade: Cascade, hard: Level | None, tolerance: float, infeasible: st
         if not math.isfinite(avoidable):
             return Status.NOT_FINITE, f"The residual of {check.name} overflows."
         if avoidable > tolerance * scale:
-            faults.append(f"{check.name}: avoidable residual up to {avoidable / scale:.3g} of its scale, allowed {tolerance:.3g}")
+            faults.append(
+                f"{check.name}: avoidable residual up to {avoidable / scale:.3g} of its scale, allowed {tolerance:.3g}"
+            )
     if not faults:
         return Status.SOLVED, ""
     message = "; ".join(faults + cascade.remarks) + "."
