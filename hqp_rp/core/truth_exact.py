@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from flint import arb, ctx, fmpq, fmpz_mat
+from flint import arb, ctx, fmpq, fmpz, fmpz_mat
 
 from hqp_rp.core.problem import FloatArray
 
@@ -47,7 +47,7 @@ class AffineSet:
         self.S = fmpz_mat(0, n, [])
         self.Y = fmpz_mat(0, 1, [])
         self.D = 1
-        self._solved: tuple[fmpz_mat, int, fmpz_mat] | None = None
+        self._solved: tuple[fmpz_mat, fmpz, fmpz_mat] | None = None
 
     @property
     def dimension(self) -> int:
@@ -60,19 +60,19 @@ class AffineSet:
         other.S, other.Y, other.D, other._solved = self.S, self.Y, self.D, self._solved
         return other
 
-    def solved(self) -> tuple[fmpz_mat, int, fmpz_mat]:
+    def solved(self) -> tuple[fmpz_mat, fmpz, fmpz_mat]:
         """u0 (n x 1), den, N (n x d): the set is {u0 / (den D) + N z}."""
         if self._solved is None:
             r, n = self.S.nrows(), self.n
             if r == 0:
                 identity = [int(i == j) for i in range(n) for j in range(n)]
-                self._solved = fmpz_mat(n, 1, [0] * n), 1, fmpz_mat(n, n, identity)
+                self._solved = fmpz_mat(n, 1, [0] * n), fmpz(1), fmpz_mat(n, n, identity)
             else:
-                R, den, _ = _beside(self.S, self.Y).rref()
+                R, den, _ = beside(self.S, self.Y).rref()
                 pivots, table = _pivots(R), R.table()
                 free = sorted(set(range(n)) - set(pivots))
-                start = [0] * n
-                basis = [[0] * len(free) for _ in range(n)]
+                start = [fmpz(0)] * n
+                basis = [[fmpz(0)] * len(free) for _ in range(n)]
                 for i, pivot in enumerate(pivots):
                     start[pivot] = table[i][n]
                     basis[pivot] = [-table[i][j] for j in free]
@@ -90,7 +90,7 @@ class AffineSet:
         # In z' = den D z the level reads B z' = c, both of integers.
         B = rows.matrix * N
         c = rows.target * (den * (self.D // rows.denominator)) - rows.matrix * start
-        R, _, total = _beside(B, c).rref()
+        R, _, total = beside(B, c).rref()
         pivots = _pivots(R)
         d = N.ncols()
         consistent = total == 0 or pivots[-1] < d
@@ -106,9 +106,9 @@ class AffineSet:
         else:
             columns = _columns(B, pivots[:rank])
             transposed = columns.transpose()
-            solved, scale, _ = _beside(transposed * columns, transposed * c).rref()
+            solved, scale, _ = beside(transposed * columns, transposed * c).rref()
             table = solved.table()
-            z = [0] * d
+            z = [fmpz(0)] * d
             for i, pivot in enumerate(pivots[:rank]):
                 z[pivot] = table[i][rank]
             point = start * scale + N * fmpz_mat(d, 1, z)
@@ -130,10 +130,10 @@ class AffineSet:
             return point
         transposed = self.S.transpose()
         gap = self.Y * point.denominator - self.S * column * self.D
-        solved, den, _ = _beside(self.S * transposed, gap).rref()
+        solved, den, _ = beside(self.S * transposed, gap).rref()
         weights = fmpz_mat(r, 1, [row[r] for row in solved.table()])
-        numerators = transposed * weights + column * (den * self.D)
-        return rational([int(e) for e in numerators.entries()], int(den) * self.D * point.denominator)
+        moved = transposed * weights + column * (den * self.D)
+        return rational([int(e) for e in moved.entries()], int(den) * self.D * point.denominator)
 
     def _refine(self, denominator: int) -> None:
         """Make D a multiple of `denominator`."""
@@ -187,7 +187,7 @@ class Unit:
         (entries, unit), (values, scale) = integers(A), integers(b)
         lift = scale - unit + self.shift
         return Rows(
-            fmpz_mat(*A.shape, entries), fmpz_mat(len(b), 1, [v << lift for v in values] if any(values) else values)
+            fmpz_mat(*_shape(A), entries), fmpz_mat(len(b), 1, [v << lift for v in values] if any(values) else values)
         )
 
     def vector(self, x: FloatArray) -> RationalVector:
@@ -203,7 +203,7 @@ class Unit:
 
 def rational(numerators: list[int], denominator: int) -> RationalVector:
     """The vector in lowest terms, with a positive denominator."""
-    common = math.gcd(denominator, *numerators) * (1 if denominator > 0 else -1)
+    common = math.gcd(denominator, *numerators) * (-1 if denominator < 0 else 1)
     return RationalVector([e // common for e in numerators], denominator // common)
 
 
@@ -218,7 +218,7 @@ def nearest_float(numerator: int, denominator: int) -> float:
 def exact_norm(A: FloatArray, b: FloatArray, u: RationalVector, unit: Unit) -> float:
     """`||A x - b||_2` at the exact x, correctly rounded but for the last bit."""
     (entries, scale), (values, offset) = integers(A), integers(b)
-    product = (fmpz_mat(*A.shape, entries) * u.column).entries()
+    product = (fmpz_mat(*_shape(A), entries) * u.column).entries()
     # A x = product * 2**(scale - shift) / denominator; b = values * 2**offset.
     power = scale - unit.shift
     least = min(power, offset)
@@ -235,8 +235,7 @@ def root(numerator: int, denominator: int, exponent: int) -> float:
         return 0.0
     with ctx.workprec(128):
         value = (arb(fmpq(numerator, denominator)).sqrt() * arb(2) ** (exponent // 2)).mid()
-        mantissa, power = value.man_exp()
-    mantissa, power = int(mantissa), int(power)
+        mantissa, power = (int(part) for part in value.man_exp())
     return nearest_float(mantissa << power, 1) if power >= 0 else nearest_float(mantissa, 1 << -power)
 
 
@@ -251,6 +250,10 @@ def stacked_ranks(matrices: Sequence[FloatArray], n: int) -> tuple[int, ...]:
     return tuple(gained)
 
 
+def _shape(A: FloatArray) -> tuple[int, int]:
+    return int(A.shape[0]), int(A.shape[1])
+
+
 def _pivots(R: fmpz_mat) -> list[int]:
     pivots = []
     for row in R.table():
@@ -261,9 +264,15 @@ def _pivots(R: fmpz_mat) -> list[int]:
     return pivots
 
 
-def _beside(A: fmpz_mat, b: fmpz_mat) -> fmpz_mat:
+def beside(A: fmpz_mat, b: fmpz_mat) -> fmpz_mat:
+    """[A b]"""
     joined = [[*row, *tail] for row, tail in zip(A.table(), b.table(), strict=True)]
     return fmpz_mat(A.nrows(), A.ncols() + b.ncols(), [e for row in joined for e in row])
+
+
+def matrix_of(rows: list[list[int]], n: int) -> fmpz_mat:
+    """The matrix (m, n) with these rows; m may be 0."""
+    return fmpz_mat(len(rows), n, [e for row in rows for e in row])
 
 
 def _above(A: fmpz_mat, B: fmpz_mat) -> fmpz_mat:

@@ -148,7 +148,7 @@ def _loaded(A: FloatArray, b: FloatArray) -> tuple[arb_mat, arb_mat]:
     """The level exactly, divided by the power of two that brings A's largest entry into [0.5, 1)."""
     unit = arb(2) ** -_exponent(A)
     (entries, scale), (values, offset) = integers(A), integers(b)
-    matrix = arb_mat(*A.shape, [arb(e) for e in entries]) * (arb(2) ** scale * unit)
+    matrix = arb_mat(int(A.shape[0]), int(A.shape[1]), [arb(e) for e in entries]) * (arb(2) ** scale * unit)
     return matrix, arb_mat(len(b), 1, [arb(v) for v in values]) * (arb(2) ** offset * unit)
 
 
