@@ -94,6 +94,12 @@ def checked_limit(
     return frozen(limit)
 
 
+def require_joints(nv: int, robot: str) -> None:
+    """Raises `RobotError` for a model that cannot move."""
+    if nv < 1:
+        raise RobotError(f"In {robot} nothing can move: it has no joint (a URDF can be given floating_base=True).")
+
+
 def frozen(array: FloatArray) -> FloatArray:
     """The array itself, made read-only."""
     array.flags.writeable = False

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.robot.inertia import repair
 from hqp_rp.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def load_robot(
     *,
     floating_base: bool = False,
     meshes: bool = True,
+    repair_inertias: bool = False,
     velocity_limit: ArrayLike | Mapping[str, float] | None = None,
     neutral: ArrayLike | None = None,
 ) -> Robot:
@@ -33,7 +35,7 @@ def load_robot(
     Args:
         path: the file; its root element (`<mujoco>` or `<robot>`) says which format it is.
         library: "mujoco" or "pinocchio".
-        floating_base, meshes, velocity_limit, neutral: as in `MujocoRobot.from_file`.
+        floating_base, meshes, repair_inertias, velocity_limit, neutral: as in `MujocoRobot.from_file`.
 
     Raises:
         RobotError: no such file, a file that the library does not read (with its message), or an argument that does not
@@ -47,7 +49,12 @@ def load_robot(
     else:
         from hqp_rp.robot.pinocchio_robot import PinocchioRobot as Adapter  # type: ignore[assignment]
     return Adapter.from_file(
-        path, floating_base=floating_base, meshes=meshes, velocity_limit=velocity_limit, neutral=neutral
+        path,
+        floating_base=floating_base,
+        meshes=meshes,
+        repair_inertias=repair_inertias,
+        velocity_limit=velocity_limit,
+        neutral=neutral,
     )
 
 
@@ -88,7 +95,9 @@ def urdf_velocity_limits(path: Path) -> dict[str, float]:
     return limits
 
 
-def mujoco_spec(path: Path, *, floating_base: bool = False, meshes: bool = True) -> mujoco.MjSpec:
+def mujoco_spec(
+    path: Path, *, floating_base: bool = False, meshes: bool = True, repair_inertias: bool = False
+) -> mujoco.MjSpec:
     """The editable MuJoCo model of an MJCF or URDF file, with every link of a URDF kept as a body of its own.
 
     Args as `MujocoRobot.from_file`. Raises `RobotError`.
@@ -105,26 +114,37 @@ def mujoco_spec(path: Path, *, floating_base: bool = False, meshes: bool = True)
     try:
         spec = mujoco.MjSpec.from_file(os.fspath(path))
     except ValueError as error:
-        raise RobotError(f"MuJoCo does not read {os.fspath(path)!r}: {error}") from error
+        raise RobotError(f"MuJoCo does not read {os.fspath(path)!r}: {one_line(error)}") from error
     if urdf:
         # MuJoCo merges links behind fixed joints into their parents by default; their frames (tools) would be lost.
         spec.compiler.fusestatic = False
+        # It also gives a link without <inertial> the mass of its geometry as if of water; the file says none.
+        spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     if floating_base:
+        require_floatable(path)
         for body in spec.worldbody.bodies:
             body.add_freejoint(name="root_joint")
     if not meshes:
         _drop_meshes(spec, path)
+    if repair_inertias:
+        repair(spec)
     return spec
 
 
-def mujoco_model(path: Path, *, floating_base: bool = False, meshes: bool = True) -> mujoco.MjModel:
+def mujoco_model(
+    path: Path, *, floating_base: bool = False, meshes: bool = True, repair_inertias: bool = False
+) -> mujoco.MjModel:
     """The compiled MuJoCo model of an MJCF or URDF file. Args as `MujocoRobot.from_file`. Raises `RobotError`."""
-    spec = mujoco_spec(path, floating_base=floating_base, meshes=meshes)
+    spec = mujoco_spec(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
     try:
         return spec.compile()
     except ValueError as error:
-        hint = " Its mesh files can be left out with meshes=False." if meshes and spec.meshes else ""
-        raise RobotError(f"MuJoCo does not compile {os.fspath(path)!r}: {error}{hint}") from error
+        hint = ""
+        if "inertia" in str(error) and not repair_inertias:
+            hint = " repair_inertias=True makes the least change that MuJoCo accepts."
+        elif meshes and spec.meshes:
+            hint = " Its mesh files can be left out with meshes=False."
+        raise RobotError(f"MuJoCo does not compile {os.fspath(path)!r}: {one_line(error)}{hint}") from error
 
 
 def parse_urdf(path: Path) -> ElementTree.Element:
@@ -135,13 +155,30 @@ def parse_urdf(path: Path) -> ElementTree.Element:
         raise RobotError(f"The URDF file {os.fspath(path)!r} is not well-formed XML: {error}.") from error
 
 
+def require_floatable(path: Path) -> None:
+    """Raises `RobotError` where the root link of a URDF is the world, which cannot float."""
+    root = parse_urdf(path)
+    children = {child.get("link") for child in root.iterfind("joint/child")}
+    if "world" in {link.get("name") for link in root.iterfind("link")} - children:
+        raise RobotError(
+            f"The root link of {os.fspath(path)!r} is 'world', to which the robot is fixed: it cannot have a floating base."
+        )
+
+
+def one_line(error: Exception) -> str:
+    """The message of a library's error on one line, ended by a full stop."""
+    text = " ".join(str(error).split())
+    return text if text.endswith(".") else text + "."
+
+
 def _drop_meshes(spec: mujoco.MjSpec, path: Path) -> None:
     import mujoco
 
     kinds = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
     for geom in [geom for geom in spec.geoms if geom.type in kinds or geom.meshname]:
         body = geom.parent
-        if body.name != "world" and not body.explicitinertial and geom.mass != 0.0 and geom.density != 0.0:
+        from_geometry = spec.compiler.inertiafromgeom != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+        if from_geometry and body.name != "world" and not body.explicitinertial and geom.mass != 0.0 and geom.density:
             raise RobotError(
                 f"The body {body.name!r} of {os.fspath(path)!r} takes its inertia from the mesh {geom.meshname!r}: "
                 "the model cannot be loaded with meshes=False."

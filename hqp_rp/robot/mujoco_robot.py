@@ -12,10 +12,13 @@ from numpy.typing import ArrayLike
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.dh import DHArm
-from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen
-from hqp_rp.robot.model_file import Path, file_format, mujoco_model, urdf_velocity_limits
+from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen, require_joints
+from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, urdf_velocity_limits
 from hqp_rp.robot.mujoco_arm import arm_spec
 
+# Below this squared norm MuJoCo silently takes a quaternion for the identity.
+_MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
+# Where the quaternion of a joint starts within its part of q.
 _QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
@@ -54,6 +57,7 @@ class MujocoRobot:
             raise RobotError(f"model is a {type(model).__name__}; give a mujoco.MjModel, or use MujocoRobot.from_file.")
         self._model = model
         self._name = f"the MuJoCo model {_model_name(model)!r}"
+        require_joints(int(model.nv), self._name)
         self._joint_names = tuple(model.joint(j).name or f"unnamed_joint_{j}" for j in range(model.njnt))
         widths = tuple(np.diff([*model.jnt_dofadr, model.nv]).tolist())
         limit = np.inf if velocity_limit is None else velocity_limit
@@ -97,6 +101,7 @@ class MujocoRobot:
         *,
         floating_base: bool = False,
         meshes: bool = True,
+        repair_inertias: bool = False,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
         neutral: ArrayLike | None = None,
     ) -> MujocoRobot:
@@ -104,9 +109,11 @@ class MujocoRobot:
 
         Args:
             path: the file. Of a URDF every link stays a frame, those behind fixed joints included; its velocity limits
-                are read, and a link without `<inertial>` gets MuJoCo's guess from its geometry.
+                are read, and a link without `<inertial>` has no mass, whatever its geometry.
             floating_base: for a URDF, give the root link a free joint "root_joint".
             meshes: False leaves out the geoms that need mesh files, and the files need not be there.
+            repair_inertias: True replaces inertias that MuJoCo refuses (not positive, or against A + B >= C) by the
+                nearest it accepts, and gives massless moving links 1e-12 kg.
             velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
             neutral: (nq,) the reference configuration; default MuJoCo's `qpos0`.
 
@@ -114,7 +121,7 @@ class MujocoRobot:
             RobotError: no such file, a file that MuJoCo does not read or compile (with its message), or an argument
                 that does not fit.
         """
-        model = mujoco_model(path, floating_base=floating_base, meshes=meshes)
+        model = mujoco_model(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
         if velocity_limit is None and file_format(path) == "urdf":
             joints = {model.joint(j).name for j in range(model.njnt)}
             velocity_limit = {name: value for name, value in urdf_velocity_limits(path).items() if name in joints}
@@ -132,7 +139,7 @@ class MujocoRobot:
         try:
             model = spec.compile()
         except ValueError as error:
-            raise RobotError(f"MuJoCo does not compile the model {spec.modelname!r}: {error}") from error
+            raise RobotError(f"MuJoCo does not compile the model {spec.modelname!r}: {one_line(error)}") from error
         return cls(model, velocity_limit=velocity_limit, neutral=neutral)
 
     @property
@@ -267,7 +274,8 @@ class MujocoRobot:
     def _checked(self, q: ArrayLike, what: str) -> FloatArray:
         vector = checked_vector(q, self._model.nq, what)
         for start in self._quaternions:
-            if not vector[start : start + 4].any():
+            quaternion = vector[start : start + 4]
+            if not quaternion.dot(quaternion) > _MIN_SQUARE:
                 raise RobotError(f"{what}[{start}:{start + 4}] is a zero quaternion; it must have a direction.")
         return vector
 

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.dh import DHArm
-from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen
-from hqp_rp.robot.model_file import Path, file_format, mujoco_model, parse_urdf
+from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen, require_joints
+from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, parse_urdf, require_floatable
 from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -63,6 +63,7 @@ class PinocchioRobot:
         self._model = model
         self._nq, self._nv = int(model.nq), int(model.nv)
         self._name = f"the Pinocchio model {model.name!r}"
+        require_joints(self._nv, self._name)
         self._joint_names = tuple(list(model.names)[1:])
         widths = tuple(int(nv) for nv in list(model.nvs)[1:])
         limit = _without_maxima(model.velocityLimit) if velocity_limit is None else velocity_limit
@@ -95,6 +96,7 @@ class PinocchioRobot:
         *,
         floating_base: bool = False,
         meshes: bool = True,
+        repair_inertias: bool = False,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
         neutral: ArrayLike | None = None,
     ) -> PinocchioRobot:
@@ -102,12 +104,13 @@ class PinocchioRobot:
 
         A URDF is read by Pinocchio. An MJCF is read by MuJoCo, whose compiled model is then rebuilt joint by joint, so
         that defaults, references, gravity, unnamed bodies and inertias from geometry mean what they mean to MuJoCo
-        (Pinocchio's own reader leaves out gravity and the bodies below unnamed ones).
+        (Pinocchio's own reader leaves out gravity, and shifts the limits of a joint by its reference).
 
         Args:
             path: the file.
             floating_base: for a URDF, put the root link on a free flyer "root_joint".
             meshes: False reads an MJCF without its mesh files; a URDF's are never needed here.
+            repair_inertias: for an MJCF, as in `MujocoRobot.from_file`; Pinocchio takes a URDF's inertias as they are.
             velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
             neutral: (nq,) the reference configuration; default MuJoCo's `qpos0`, or Pinocchio's neutral for a URDF.
 
@@ -116,14 +119,18 @@ class PinocchioRobot:
                 not fit.
         """
         if file_format(path) == "mjcf":
-            source = mujoco_model(path, floating_base=floating_base, meshes=meshes)
+            source = mujoco_model(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
             return cls.from_mujoco(source, velocity_limit=velocity_limit, neutral=neutral)
         parse_urdf(path)
+        if floating_base:
+            require_floatable(path)
         try:
             root = [pin.JointModelFreeFlyer()] if floating_base else []
             model = pin.buildModelFromUrdf(os.fspath(path), *root)
         except (ValueError, RuntimeError) as error:
-            raise RobotError(f"Pinocchio does not read {os.fspath(path)!r}: {error}") from error
+            raise RobotError(
+                f"Pinocchio does not read {os.fspath(path)!r}: {one_line(error)} Its reader names the reason on stderr."
+            ) from error
         return cls(model, velocity_limit=velocity_limit, neutral=neutral)
 
     @classmethod
@@ -250,7 +257,7 @@ class PinocchioRobot:
         if self._nq == self._nv:
             return vector
         normalized = np.asarray(pin.normalize(self._model, vector))
-        if not np.isfinite(normalized).all():
+        if not pin.isNormalized(self._model, normalized):
             raise RobotError(f"{what} holds a zero quaternion or a zero (cos, sin); it must have a direction.")
         return normalized
 
@@ -274,9 +281,12 @@ def _position_limits(model: Any) -> tuple[FloatArray, FloatArray]:
             columns = slice(model.idx_qs[j], model.idx_qs[j] + model.nqs[j])
             lower[rows] = _without_maxima(model.lowerPositionLimit[columns])
             upper[rows] = _without_maxima(model.upperPositionLimit[columns])
+    # A URDF that states no lower and upper reads as [0, 0]; like MuJoCo, take that for no limit.
+    unstated = (lower == 0.0) & (upper == 0.0)
+    lower[unstated], upper[unstated] = -np.inf, np.inf
     return frozen(lower), frozen(upper)
 
 
 def _without_maxima(limits: FloatArray) -> FloatArray:
     """The limits, with the largest float, which Pinocchio writes for "none", as infinity."""
-    return np.where(np.abs(limits) >= np.finfo(np.float64).max, np.sign(limits) * np.inf, limits)
+    return np.where(np.abs(limits) >= np.finfo(np.float64).max, np.copysign(np.inf, limits), limits)
