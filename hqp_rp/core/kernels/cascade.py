@@ -106,13 +106,18 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[n
 @kernel
 def pseudo_inverse(J, zero, kind, first, second):  # type: ignore[no-untyped-def]
     """J^# (n, m): V f(S) U^T with the policy's f for 1/sigma; a singular value <= `zero` counts as zero."""
+    return apply_pseudo_inverse(J, zero, kind, first, second, np.eye(J.shape[0]))
+
+
+@kernel
+def apply_pseudo_inverse(J, zero, kind, first, second, t):  # type: ignore[no-untyped-def]
+    """J^# t (n, k) for t (m, k), from the factors, which keeps the residual smaller than J^# formed first."""
     U, S, Vt = np.linalg.svd(J, False)
     smallest = S[len(S) - 1]
+    y = np.dot(np.ascontiguousarray(U.T), t)
     for i in range(len(S)):
-        f = damped_inverse(S[i], smallest, zero, kind, first, second) if S[i] > zero else 0.0
-        for j in range(Vt.shape[1]):
-            Vt[i, j] *= f
-    return np.ascontiguousarray(Vt.T) @ np.ascontiguousarray(U.T)
+        y[i] *= damped_inverse(S[i], smallest, zero, kind, first, second) if S[i] > zero else 0.0
+    return np.dot(np.ascontiguousarray(Vt.T), y)
 
 
 @kernel
@@ -142,7 +147,8 @@ def null_space_projector(A, b, offsets, z, tol, kind, first, second, x):  # type
         JP = J @ P
         if not finite(JP.ravel()) or not finite(x):
             return 0.0
-        x += pseudo_inverse(JP, zero, kind, first * scale[k], second * scale[k]) @ (rhs[r0:r1] - J @ x)
+        t = (rhs[r0:r1] - J @ x).reshape((r1 - r0, 1))
+        x += apply_pseudo_inverse(JP, zero, kind, first * scale[k], second * scale[k], t)[:, 0]
         P -= pseudo_inverse(JP, zero, 0, 0.0, 0.0) @ JP
         reached[r0:r1] = J @ x
     if not finite(x):

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.kernels.cascade import finite, pseudo_inverse, solve_level
+from hqp_rp.core.kernels.cascade import apply_pseudo_inverse, finite, pseudo_inverse, solve_level
 from hqp_rp.core.kernels.compile import kernel
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
@@ -262,7 +262,9 @@ def reverse_priority(A, b, offsets, z, tol, kind, first, second, projector, x): 
             step = Y[0]
             if projector:
                 P = range_projector(np.ascontiguousarray(Y[1:].T))
-                step = pseudo_inverse(np.dot(W0[r0:r1].copy(), P), tol * spectral(W0, r0, r1), 0, 0.0, 0.0) @ t
+                J_k = np.dot(W0[r0:r1].copy(), P)
+                zero = tol * spectral(W0, r0, r1)
+                step = np.dot(P, apply_pseudo_inverse(J_k, zero, 0, 0.0, 0.0, t.reshape((m, 1)))[:, 0].copy())
             if not add_step(x, step):
                 break
     return finite(x)
