@@ -60,22 +60,28 @@ types: setup
 	$(BIN)/basedpyright
 
 # .installed says what the environment was made from: the requirements (by content, since a checkout changes dates) and
-# the folder, whose path is written into the environment's scripts. An environment that does not run, or was moved here,
-# is made anew; one that is merely out of date is brought up to date; one that is complete is left alone.
-setup:
-	@want="$$(cat pyproject.toml constraints.txt | cksum) $(CURDIR)"; \
-	if [ "$$(cat $(STAMP) 2>/dev/null)" = "$$want" ] && $(BIN)/python -c 'import hqp_rp, pytest' >/dev/null 2>&1; then \
-	  exit 0; \
-	fi; \
-	$(MAKE) --no-print-directory -s $(BIN)/usable && rm -f $(STAMP) && \
-	$(BIN)/python -m pip install --quiet -c constraints.txt --config-settings editable_mode=compat -e ".[dev]" && \
-	printf '%s\n' "$$want" >$(STAMP)
+# the folder, whose path is written into the environment's scripts. An environment that is complete is left alone; one
+# that is out of date is brought up to date; one that does not run, was moved here or is of another Python than the one
+# that PYTHON asks for is made anew.
+COMPLETE = $(BIN)/python -c 'import hqp_rp, pytest' >/dev/null 2>&1
+PIP_INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt --config-settings editable_mode=compat -e ".[dev]"
+ASK = $(MAKE) --no-print-directory -s
 
-.PHONY: $(BIN)/usable
-$(BIN)/usable:
-	@if head -n 1 $(BIN)/pip 2>/dev/null | grep -qF "$(CURDIR)/$(BIN)/" && $(BIN)/python -c '$(NEW_ENOUGH); import pip' \
-	    >/dev/null 2>&1; then echo "Bringing $(VENV) up to date ..."; exit 0; fi; \
-	for python in $${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}; do \
+setup:
+	@made_from="$$(cat pyproject.toml constraints.txt | cksum) $(CURDIR)"; \
+	if $(ASK) usable 2>/dev/null && [ "$$(cat $(STAMP) 2>/dev/null)" = "$$made_from" ] && $(COMPLETE); then exit 0; fi; \
+	if $(ASK) usable 2>/dev/null; then echo "Bringing $(VENV) up to date ..."; else $(ASK) environment || exit 1; fi; \
+	rm -f $(STAMP); $(PIP_INSTALL) || exit 1; \
+	if ! $(COMPLETE); then $(ASK) environment && $(PIP_INSTALL) || exit 1; fi; \
+	printf '%s\n' "$$made_from" >$(STAMP)
+
+.PHONY: usable environment
+usable:
+	@grep -qsF "$(CURDIR)/$(VENV)" $(BIN)/activate && $(BIN)/python -c '$(NEW_ENOUGH); import pip' 2>/dev/null && \
+	if [ -n "$$PYTHON" ]; then [ "$$($$PYTHON --version 2>&1)" = "$$($(BIN)/python --version)" ]; fi
+
+environment:
+	@for python in $${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}; do \
 	  if "$$python" -c '$(NEW_ENOUGH)' >/dev/null 2>&1; then \
 	    echo "Setting up $(VENV) with $$("$$python" --version): about 2 GB, some minutes ..."; \
 	    rm -rf $(VENV); exec "$$python" -m venv $(VENV); \
