@@ -1,0 +1,212 @@
+"""The joint box: never empty, never left, and a bounded, monotone way back."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hqp_rp.control import JointLimit
+from hqp_rp.control.joint_limit import _allowed_step
+from hqp_rp.core.errors import RobotError, SettingError
+from tests.control.chain import Chain, random_chain
+
+N = 8
+
+
+def box(q, v, *, lower, upper, V, dt, **settings):
+    robot = Chain(np.ones((len(q), 3)), np.ones((len(q) + 1, 3)))
+    robot.lower, robot.upper, robot.velocity_limit = lower, upper, V
+    robot.q = np.asarray(q, dtype=float)
+    G, low, high = JointLimit(**settings).rows(robot, dt, v)
+    np.testing.assert_array_equal(G, np.eye(len(q)))
+    return low, high
+
+
+def scene(seed, dt):
+    rng = np.random.default_rng(seed)
+    middle, half = rng.normal(size=N), rng.uniform(0.0, 2.0, N)
+    lower, upper = middle - half, middle + half
+    # Some joints have a limit on one side or on none.
+    lower[0], upper[1], lower[2], upper[2] = -np.inf, np.inf, -np.inf, np.inf
+    V = rng.uniform(0.1, 3.0, N)
+    A = V / dt * 10.0 ** rng.uniform(-3.0, 1.0, N)
+    A[3] = np.inf
+    return rng, lower, upper, V, A
+
+
+seeds = st.integers(0, 2**32 - 1)
+steps = st.sampled_from([1e-3, 0.01, 0.3])
+gains = st.sampled_from([1.0, 0.95, 0.3, 0.01])
+
+
+@given(seed=seeds, dt=steps, gain=gains, accelerations=st.booleans(), scale=st.sampled_from([1e-9, 1.0, 30.0]))
+def test_the_box_is_never_empty_and_keeps_velocity_and_acceleration(seed, dt, gain, accelerations, scale):
+    rng, lower, upper, V, A = scene(seed, dt)
+    q, v = scale * rng.normal(size=N), scale * rng.normal(size=N)
+    low, high = box(
+        q, v, lower=lower, upper=upper, V=V, dt=dt, gain=gain, acceleration=A if accelerations else None
+    )
+    assert (low <= high).all()
+    assert (low >= -V).all()
+    assert (high <= V).all()
+    if accelerations:
+        kept = np.abs(v) <= V + A * dt
+        slack = 1e-12 * (1 + np.abs(v))
+        assert (low >= v - A * dt - slack)[kept].all()
+        assert (high <= v + A * dt + slack)[kept].all()
+
+
+def play(choose, rng, low, high):
+    share = {"upper": 1.0, "lower": 0.0, "random": rng.uniform(size=N), "bang": rng.integers(0, 2, N)}[choose]
+    low_share = np.where(share == 1.0, high, low + share * (high - low))
+    return np.clip(low_share, low, high)
+
+
+@given(
+    seed=seeds,
+    dt=steps,
+    gain=gains,
+    accelerations=st.booleans(),
+    choose=st.sampled_from(["upper", "lower", "random", "bang"]),
+)
+def test_from_rest_inside_the_limits_are_never_left(seed, dt, gain, accelerations, choose):
+    rng, lower, upper, V, A = scene(seed, dt)
+    finite_low, finite_up = np.where(np.isfinite(lower), lower, -9.0), np.where(np.isfinite(upper), upper, 9.0)
+    q, v = rng.uniform(finite_low, finite_up), np.zeros(N)
+    for _ in range(60):
+        low, high = box(
+            q, v, lower=lower, upper=upper, V=V, dt=dt, gain=gain, acceleration=A if accelerations else None
+        )
+        new = play(choose, rng, low, high)
+        if accelerations:
+            assert (np.abs(new - v) <= A * dt + 1e-9).all()
+        v = new
+        q = q + dt * v
+        assert (q >= lower - 1e-11).all()
+        assert (q <= upper + 1e-11).all()
+
+
+@given(
+    seed=seeds,
+    dt=steps,
+    gain=gains,
+    accelerations=st.booleans(),
+    choose=st.sampled_from(["upper", "lower", "random", "bang"]),
+)
+def test_from_rest_outside_the_way_back_is_monotone_and_bounded(seed, dt, gain, accelerations, choose):
+    rng, lower, upper, V, A = scene(seed, dt)
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    out = rng.uniform(0.0, 3.0, N) * rng.choice([-1.0, 1.0], N)
+    q = np.where(bounded, np.where(out > 0, upper + out, lower + out), 0.0)
+    v = np.zeros(N)
+
+    def outside(q):
+        return np.maximum(0.0, np.maximum(q - upper, lower - q))
+
+    distance = outside(q)
+    for _ in range(60):
+        low, high = box(
+            q, v, lower=lower, upper=upper, V=V, dt=dt, gain=gain, acceleration=A if accelerations else None
+        )
+        new = play(choose, rng, low, high)
+        assert (np.abs(new) <= V).all()
+        promised = np.minimum(gain * distance, V * dt)
+        if accelerations:
+            assert (np.abs(new - v) <= A * dt + 1e-9).all()
+            reach = np.maximum(0.0, np.minimum(np.abs(v) + A * dt, np.inf)) * dt
+            promised = np.minimum(promised, np.minimum(_allowed_step(distance, gain, A * dt * dt), reach))
+        v = new
+        q = q + dt * v
+        now = outside(q)
+        assert (now <= np.maximum(distance - promised, 0.0) + 1e-11).all()
+        distance = now
+
+
+def test_outside_and_moving_out_brakes_first():
+    low, high = box(
+        [1.2], np.array([0.5]), lower=np.array([-1.0]), upper=np.array([1.0]), V=np.array([2.0]), dt=0.1, acceleration=1.0
+    )
+    np.testing.assert_allclose([low[0], high[0]], [0.4, 0.4])
+
+
+def test_known_boxes():
+    shape = {"lower": np.array([-1.0]), "upper": np.array([1.0]), "V": np.array([2.0]), "dt": 0.1}
+    np.testing.assert_allclose(box([0.0], None, **shape), [[-2.0], [2.0]])  # far away: the velocity limit
+    np.testing.assert_allclose(box([0.9], None, gain=0.5, **shape), [[-2.0], [0.5]])  # 0.5 * 0.1 / 0.1
+    np.testing.assert_allclose(box([1.04], None, gain=0.5, **shape), [[-2.0], [-0.2]])  # outside: must come back
+    np.testing.assert_allclose(box([5.0], None, gain=0.5, **shape), [[-2.0], [-2.0]])  # far outside: no faster than V
+    np.testing.assert_allclose(box([0.9], None, margin=0.1, gain=1.0, **shape), [[-2.0], [0.0]])
+    np.testing.assert_allclose(box([1.04], None, position=False, **shape), [[-2.0], [2.0]])
+
+
+@given(d=st.floats(1e-9, 1e3), a=st.floats(1e-6, 1e3))
+def test_longest_step_is_the_one_that_just_stops(d, a):
+    x = float(_allowed_step(np.array([d]), 1.0, np.array([a]))[0])
+    if x < 1e4 * a:
+        path = np.maximum(0.0, x - a * np.arange(int(x / a) + 2)).sum()
+        assert path == pytest.approx(d, rel=1e-9)
+    else:  # so many steps that the sum is its integral
+        assert x * x / (2 * a) == pytest.approx(d, rel=1e-3)
+
+
+def test_robot_with_several_coordinates_per_joint():
+    """A free joint before a hinge: positions are looked up by coordinate, not by velocity index."""
+    mujoco = pytest.importorskip("mujoco")
+    from hqp_rp.robot import MujocoRobot
+
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><compiler angle="radian"/><worldbody><body><freejoint/><geom size=".1"/><body><joint type="hinge"
+        limited="true" range="-1 2"/><geom size=".1"/></body></body></worldbody></mujoco>"""
+    )
+    robot = MujocoRobot(model)
+    q = robot.neutral.copy()
+    q[:3], q[7] = 7.0, 1.5
+    robot.update(q)
+    _, low, high = JointLimit(gain=0.5).rows(robot, 0.1, None)
+    np.testing.assert_array_equal(low[:6], -np.inf)
+    np.testing.assert_array_equal(high[:6], np.inf)
+    np.testing.assert_allclose([low[6], high[6]], [-12.5, 2.5])
+
+
+def test_accelerations_need_the_velocity_before():
+    with pytest.raises(SettingError, match=r"needs the velocity before this step: stack.problem\(robot, dt, v\)"):
+        JointLimit(acceleration=1.0).rows(random_chain(np.random.default_rng(0)), 0.1, None)
+
+
+def test_a_margin_that_swallows_the_range():
+    with pytest.raises(RobotError, match=r"velocity index 0 the margin 3 swallows the range \[-2, 2\]"):
+        JointLimit(margin=3.0).rows(random_chain(np.random.default_rng(0)), 0.1, None)
+
+
+def test_a_robot_without_any_limit():
+    robot = Chain(np.ones((2, 3)), np.ones((3, 3)), limit=np.inf, velocity=np.inf)
+    with pytest.raises(RobotError, match="has no such limits and none are given"):
+        JointLimit().rows(robot, 0.1, None)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"gain": 0.0}, "the gain of 'joint limits' is 0.0; it must be a finite number > 0"),
+        ({"gain": 1.5}, r"it must be in \(0, 1\]"),
+        ({"margin": -1.0}, "the margin of 'joint limits' is -1.0; it must be finite and >= 0"),
+        ({"velocity": -1.0}, "the velocity of 'joint limits' is -1.0; it must be > 0"),
+        ({"acceleration": {"joint1": 0.0}}, "'joint1' has 0.0; it must be a number > 0"),
+        ({"acceleration": [1.0, float("nan")]}, "it must be > 0"),
+    ],
+)
+def test_bad_settings(settings, message):
+    with pytest.raises(SettingError, match=message):
+        JointLimit(**settings)
+
+
+def test_numbers_by_joint_name():
+    robot = random_chain(np.random.default_rng(0))
+    robot.update(np.zeros(7))
+    _, low, high = JointLimit(velocity={"joint3": 0.25}).rows(robot, 0.01, None)
+    np.testing.assert_array_equal(high, [1.5, 1.5, 0.25, 1.5, 1.5, 1.5, 1.5])
+    np.testing.assert_array_equal(low, -high)
+    with pytest.raises(RobotError, match="no joint named 'elbow'.*Valid: joint1"):
+        JointLimit(velocity={"elbow": 1.0}).rows(robot, 0.01, None)
+    with pytest.raises(RobotError, match="2 numbers are given; the robot has nv = 7"):
+        JointLimit(velocity=[1.0, 2.0]).rows(robot, 0.01, None)
