@@ -22,6 +22,7 @@ from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 if TYPE_CHECKING:
     from hqp_rp.core.certificate import Certificate, certify
     from hqp_rp.core.diagnostics import LevelReport, Singularity, diagnose
+    from hqp_rp.core.distance import Distance, distance
     from hqp_rp.core.io import load_problem, save_problem
     from hqp_rp.core.truth import Truth, truth
 
@@ -31,6 +32,7 @@ __all__ = [
     "Certificate",
     "ConstantDamping",
     "Damping",
+    "Distance",
     "FileError",
     "HqpError",
     "Level",
@@ -52,6 +54,7 @@ __all__ = [
     "all_solvers",
     "certify",
     "diagnose",
+    "distance",
     "get_solver",
     "load_problem",
     "save_problem",
@@ -63,6 +66,8 @@ __all__ = [
 _LAZY = {
     "Certificate": "core.certificate",
     "certify": "core.certificate",
+    "Distance": "core.distance",
+    "distance": "core.distance",
     "LevelReport": "core.diagnostics",
     "Singularity": "core.diagnostics",
     "diagnose": "core.diagnostics",

@@ -166,7 +166,7 @@ def _spectra(
             rank, sigma_min = min(int((sigma > cut).sum()), own_rank), float(sigma[-1])
             Z = Z @ Vt[rank:].T
         found.append(
-            Spectrum(rank, own_rank, math.ldexp(sigma_min, exponent), Singularity.of(rank, own_rank, min(m, n)))
+            Spectrum(rank, own_rank, times_power(sigma_min, exponent), Singularity.of(rank, own_rank, min(m, n)))
         )
     return found
 
@@ -214,7 +214,7 @@ def norm(v: FloatArray) -> float:
         return largest
     exponent = math.frexp(largest)[1]
     w = np.ldexp(v, -exponent)
-    return _ldexp(math.sqrt(float(w @ w)), exponent)
+    return times_power(math.sqrt(float(w @ w)), exponent)
 
 
 def row_norms(A: FloatArray) -> FloatArray:
@@ -246,7 +246,8 @@ def require_tolerance(name: str, value: float) -> None:
         raise SettingError(f"{name} is {value!r}; it must be a finite number >= 0.")
 
 
-def _ldexp(value: float, exponent: int) -> float:
+def times_power(value: float, exponent: int) -> float:
+    """value * 2**exponent, infinite where that overflows."""
     try:
         return math.ldexp(value, exponent)
     except OverflowError:

@@ -75,9 +75,12 @@ class IntegerRows:
 
     def residual(self, u: RationalVector) -> float:
         """Norm of the violation at u, in the level's own unit."""
+        return root(self.square(u), u.denominator**2, 2 * self.exponent)
+
+    def square(self, u: RationalVector) -> int:
+        """Squared norm of the violation at u, times the square of u's denominator."""
         values, q = self.values(u), u.denominator
-        total = sum((values[i] - target * q) ** 2 for i, target in zip(*self.violated(u), strict=True))
-        return root(total, q * q, 2 * self.exponent)
+        return sum((values[i] - target * q) ** 2 for i, target in zip(*self.violated(u), strict=True))
 
 
 def solve_active_set(problem: Problem, secondary: FloatArray) -> ActiveSetAnswer | None:
@@ -92,7 +95,7 @@ def solve_active_set(problem: Problem, secondary: FloatArray) -> ActiveSetAnswer
     rows = [IntegerRows.of(level, unit) for level in levels]
     for k, level in enumerate(rows):
         u = region.minimize(level, u)
-        if k == 0 and level.residual(u) != 0.0:
+        if k == 0 and level.square(u):
             return None
     identity = [[int(i == j) for j in range(n)] for i in range(n)]
     u = region.minimize(IntegerRows(identity, list(goal.numerators), list(goal.numerators), 0), u)

@@ -1,0 +1,332 @@
+"""Proof of how far an answer is from the lexicographic optimum, level by level, from (problem, x) alone.
+
+No solver and no truth is consulted: each level's excess is what could still be removed from its residual by a move that
+all earlier levels and the hard rows allow, in double precision on orthonormal bases.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hqp_rp.core.diagnostics import checked_point, norm, normalised, require_tolerance, times_power, two_norm
+from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.solver import RANK_TOLERANCE
+
+TOLERANCE = 1e-9
+"""Default of `certify`: what a relative excess may be; also how near to its bound a row counts as active."""
+
+_EPS = float(np.finfo(np.float64).eps)
+_STEP_COST = 1e-5  # see `_removable`
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class LevelCertificate:
+    """One level at x.
+
+    Attributes:
+        name: the level's name.
+        residual: ||v||_2 of the violation v at x, in the unit of the rows.
+        excess: the part of it that could be removed without spoiling an earlier level, in the same unit (see `certify`).
+        scale: ||A_k||_2 ||x|| + ||b_k||, where b_k is the point of [lower, upper] nearest to A_k x.
+        uncertainty: what rounding may contribute to `excess`, same unit; grows with the condition of the levels so far.
+        multipliers: number of inequality rows of earlier levels, or hard rows, that hold this level back at x.
+    """
+
+    name: str
+    residual: float
+    excess: float
+    scale: float
+    uncertainty: float
+    multipliers: int
+
+    @property
+    def relative_excess(self) -> float:
+        """excess / scale, the unit in which solvers declare their tolerance; 0 when excess is 0."""
+        return self.excess / self.scale if self.excess > 0.0 else 0.0
+
+    def accepted(self, tolerance: float) -> bool:
+        """Whether the excess is at most `tolerance` * scale + uncertainty."""
+        return self.excess <= tolerance * self.scale + self.uncertainty
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Certificate:
+    """The verdict on x.
+
+    Attributes:
+        ok: x is the lexicographic optimum to within the tolerance.
+        fault: the name of the first level at fault, "hard rows" or "least norm"; None when ok.
+        sentence: the verdict in words, with the figure that decided it.
+        levels: one `LevelCertificate` per level.
+        hard_violation: largest violation of a hard row, in its unit.
+        relative_hard_violation: largest violation of a hard row over `||a_i|| ||x|| + |bound_i|`.
+        deviation: how much nearer to the secondary vector (to 0: smaller) x could be at no level's cost.
+        relative_deviation: deviation / (||x|| + ||secondary||).
+        deviation_uncertainty: what rounding may contribute to `relative_deviation`.
+        tolerance: the tolerance that was applied.
+    """
+
+    ok: bool
+    fault: str | None
+    sentence: str
+    levels: tuple[LevelCertificate, ...]
+    hard_violation: float
+    relative_hard_violation: float
+    deviation: float
+    relative_deviation: float
+    deviation_uncertainty: float
+    tolerance: float
+
+    @property
+    def relative_excess(self) -> float:
+        """The largest relative excess of a level."""
+        return max(level.relative_excess for level in self.levels)
+
+
+def certify(
+    problem: Problem,
+    x: ArrayLike,
+    secondary: ArrayLike | None = None,
+    tolerance: float = TOLERANCE,
+    *,
+    rank_tolerance: float = RANK_TOLERANCE,
+) -> Certificate:
+    """How far x is from the lexicographic optimum of `problem`, level by level, without any solver.
+
+    With Z an orthonormal basis of the null space of the rows that earlier levels hold fixed (equalities and rows that x
+    violates), the excess of level k is
+
+    - `||P v||`, P the orthogonal projector onto range(A_k Z), when no inequality row of an earlier level is active: the
+      part of the residual that a move within Z removes;
+    - else `min over lambda >= 0 of || Z^T (A_k^T v + H^T lambda) ||` in the metric (Z^T A_k^T A_k Z + delta^2 I)^-1, H the
+      outward normals of the active rows and delta = 1e-5 ||A_k||_2: the stationarity residual with multipliers of the
+      right sign, in the unit of the residual. It is what the best allowed move d removes when d itself costs delta ||d||.
+
+    x is accepted when every excess is at most `tolerance * (||A_k|| ||x|| + ||b_k||)` plus rounding, every hard row holds
+    to the same relative tolerance, and x deviates from the optimum nearest to `secondary` by no more than that tolerance
+    times ||x|| + ||secondary||. Directions that the rank rule cuts count as free.
+
+    Args:
+        problem: the problem that x answers.
+        x: (n,) finite.
+        secondary: (n,) the free vector the solver was given; None means 0 (least norm).
+        tolerance: >= 0, relative; a solver's own `tolerance` when its answer is judged.
+        rank_tolerance: of the rank rule.
+
+    Raises:
+        ProblemError: x or secondary is not n finite numbers.
+        SettingError: a tolerance that is negative or not finite.
+
+    Source: the optimality conditions of hierarchical least squares in Escande, Mansard and Wieber 2014, section 3.
+    """
+    point = checked_point(x, problem.n)
+    goal = np.zeros(problem.n) if secondary is None else checked_point(secondary, problem.n, "secondary")
+    require_tolerance("tolerance", tolerance)
+    require_tolerance("rank_tolerance", rank_tolerance)
+    judge = _Judge(point, max(tolerance, TOLERANCE), rank_tolerance)
+    hard_violation, relative_hard = judge.hard(problem.hard)
+    levels = tuple(judge.level(level) for level in problem.levels)
+    deviation, relative_deviation, uncertainty = judge.deviation(goal)
+
+    fault, sentence = None, f"Optimal at every level to a relative {tolerance:.1e}."
+    at_fault = next((level for level in levels if not level.accepted(tolerance)), None)
+    if relative_hard > tolerance + 8 * _EPS * problem.n:
+        fault = "hard rows"
+        sentence = f"The hard rows are violated by up to {hard_violation:.3g} (relative {relative_hard:.1e})."
+    elif at_fault is not None:
+        fault = at_fault.name
+        sentence = (
+            f"{at_fault.name!r} is at fault: {at_fault.excess:.3g} of its residual {at_fault.residual:.3g} could be removed "
+            f"at no cost to the levels before it (relative {at_fault.relative_excess:.1e}, allowed {tolerance:.1e})."
+        )
+    elif relative_deviation > tolerance + uncertainty:
+        fault = "least norm"
+        aim = "smaller" if secondary is None else "nearer to the secondary vector"
+        sentence = (
+            f"Every level is optimal, but x could be {aim} by {deviation:.3g} at no level's cost "
+            f"(relative {relative_deviation:.1e})."
+        )
+    return Certificate(
+        ok=fault is None,
+        fault=fault,
+        sentence=sentence,
+        levels=levels,
+        hard_violation=hard_violation,
+        relative_hard_violation=relative_hard,
+        deviation=deviation,
+        relative_deviation=relative_deviation,
+        deviation_uncertainty=uncertainty,
+        tolerance=tolerance,
+    )
+
+
+class _Judge:
+    """x, and what the levels judged so far hold fixed (Z) and hold back (H)."""
+
+    def __init__(self, x: FloatArray, active_tolerance: float, rank_tolerance: float) -> None:
+        self.x = x
+        self.size = norm(x)
+        self.active_tolerance = active_tolerance
+        self.rank_tolerance = rank_tolerance
+        self.Z = np.eye(len(x))
+        self.H = np.zeros((0, len(x)))  # outward unit normals of active inequality rows
+        self.drift = 8 * _EPS  # sine of the angle by which rounding may have turned range(Z)
+
+    def hard(self, hard: Level | None) -> tuple[float, float]:
+        """Violation of the hard rows, absolute and relative; they then bind everything that follows."""
+        if hard is None or not hard.m:
+            return 0.0, 0.0
+        rows = _Rows(hard, self)
+        error = np.abs(rows.violation)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.where(error > 0.0, error / rows.reach, 0.0)
+        self._bind(rows, rows.equality)
+        return times_power(float(error.max()), rows.exponent), float(relative.max())
+
+    def level(self, level: Level) -> LevelCertificate:
+        """Judge a level; it then binds the ones after it."""
+        if level.m == 0:
+            return LevelCertificate(level.name, 0.0, 0.0, 0.0, 0.0, 0)
+        rows = _Rows(level, self)
+        residual = norm(rows.violation)
+        scale = rows.size * self.size + norm(rows.target)
+        pulling = rows.equality | (rows.violation != 0.0)
+        excess, turned, multipliers = _removable(
+            rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, self.rank_tolerance, self.drift
+        )
+        uncertainty = residual * min(1.0, turned) + 4 * _EPS * (len(self.x) + level.m) * scale
+        self._bind(rows, rows.equality | rows.violated)
+        residual, excess, scale, uncertainty = (
+            times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)
+        )
+        return LevelCertificate(level.name, residual, excess, scale, uncertainty, multipliers)
+
+    def deviation(self, goal: FloatArray) -> tuple[float, float, float]:
+        """Distance to the nearest allowed point to `goal`: absolute, relative, and the part rounding may contribute."""
+        size = self.size + norm(goal)
+        if size == 0.0:
+            return 0.0, 0.0, 0.0
+        gap = self.x - goal
+        excess, turned, _ = _removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)
+        return excess, excess / size, min(1.0, turned * norm(gap) / size) + 8 * _EPS * len(gap)
+
+    def _bind(self, rows: _Rows, fixed: NDArray[np.bool_]) -> None:
+        held = rows.A[fixed]
+        if len(held) and self.Z.shape[1]:
+            sigma, Vt = np.linalg.svd(held @ self.Z)[1:]
+            rank = int((sigma > self.rank_tolerance * rows.size).sum())
+            if rank:
+                amplified = rows.size / float(sigma[rank - 1])
+                self.drift = min(1.0, self.drift * (1.0 + amplified) + 8 * _EPS * amplified)
+                self.Z = self.Z @ Vt[rank:].T
+        active = rows.active & ~fixed
+        if active.any():
+            self.H = np.vstack([self.H, rows.normals[active]])
+
+
+class _Rows:
+    """A level's rows at x, divided by the power of two that brings A's largest entry into [0.5, 1)."""
+
+    def __init__(self, level: Level, judge: _Judge) -> None:
+        self.A, self.exponent = normalised(level.A)
+        self.size = two_norm(self.A)
+        lower = np.ldexp(level.lower, -self.exponent)
+        upper = np.ldexp(level.upper, -self.exponent)
+        value = self.A @ judge.x
+        self.target = np.minimum(np.maximum(value, lower), upper)
+        self.violation = value - self.target
+        self.equality = lower == upper
+        lengths = np.sqrt(np.einsum("ij,ij->i", self.A, self.A))
+        self.reach = lengths * judge.size + np.abs(self.target)
+        if self.equality.all():
+            self.violated = self.active = np.zeros_like(self.equality)
+            return
+        near = judge.active_tolerance * self.reach
+        above, below = value >= upper - near, value <= lower + near
+        self.violated = np.abs(self.violation) > near
+        # A band narrower than the tolerance holds its row from both sides.
+        self.equality = self.equality | (above & below & ~self.violated)
+        self.active = (above | below) & (lengths > 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.normals = np.where(above, 1.0, -1.0)[:, None] * self.A / lengths[:, None]
+
+
+def _removable(
+    A: FloatArray, v: FloatArray, Z: FloatArray, H: FloatArray, size: float, rank_tolerance: float, drift: float
+) -> tuple[float, float, int]:
+    """The part of v that moves d = Z z with H d <= 0 remove through A d; its uncertainty over ||v||; multipliers > 0.
+
+    Without H it is the projection of v onto range(A Z). With H it is the same for the cone, where each move also costs
+    `_STEP_COST * size * ||d||`: that keeps the metric finite in directions that A does not see.
+    """
+    if min(A.shape) == 0 or Z.shape[1] == 0 or not v.any():
+        return 0.0, 0.0, 0
+    U, sigma, Vt = np.linalg.svd(A @ Z)
+    normals = H @ Z @ Vt.T if len(H) else H
+    if len(H):
+        lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
+        normals = normals[lengths > 1e-9]  # the others are fixed already
+    if not len(normals):
+        rank = int((sigma > rank_tolerance * size).sum())
+        if rank == 0:
+            return 0.0, 0.0, 0
+        return norm(U[:, :rank].T @ v), (drift + 8 * _EPS) * size / float(sigma[rank - 1]), 0
+    padded = np.zeros(Z.shape[1])
+    padded[: len(sigma)] = sigma
+    metric = 1.0 / np.hypot(padded, _STEP_COST * size)
+    slope = np.zeros(Z.shape[1])
+    slope[: len(sigma)] = sigma * (U.T @ v)[: len(sigma)]
+    columns = (normals * metric).T
+    columns = columns / np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    weights, rest = nonnegative_least_squares(columns, -metric * slope)
+    return norm(rest), (drift + 8 * _EPS) / _STEP_COST, int((weights > 1e-9 * weights.max()).sum())
+
+
+def nonnegative_least_squares(C: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The w >= 0 (k,) that minimizes ||C w - y||, C (m, k), and y - C w (m,).
+
+    Source: Lawson and Hanson, Solving Least Squares Problems, 1974, algorithm NNLS.
+    """
+    k = C.shape[1]
+    # At an optimum with independent active rows the unconstrained multipliers already have the right signs.
+    w = np.maximum(np.linalg.lstsq(C, y, rcond=None)[0], 0.0)
+    rest = y - C @ w
+    if norm(rest) <= 1e-12 * norm(y):
+        return w, rest
+    w = np.zeros(k)
+    passive = np.zeros(k, dtype=bool)
+    rest = y
+    least = 1e-13 * norm(y)
+    for _ in range(3 * k + 10):
+        pull = np.where(passive, 0.0, C.T @ rest)
+        entering = int(pull.argmax())
+        if not pull[entering] > least:
+            break
+        passive[entering] = True
+        for _ in range(k + 1):
+            best = np.linalg.lstsq(C[:, passive], y, rcond=None)[0]
+            if (best > 0.0).all():
+                break
+            old = w[passive]
+            falling = best <= 0.0
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratio = np.where(falling, old / (old - best), np.inf)
+            step = float(np.nanmin(ratio))
+            moved = old + step * (best - old)
+            moved[falling & (ratio <= step)] = 0.0
+            w[:] = 0.0
+            w[passive] = np.maximum(moved, 0.0)
+            passive &= w > 0.0
+            if not passive.any():
+                best = np.zeros(0)
+                break
+        w[:] = 0.0
+        w[passive] = best
+        following = y - C @ w
+        if not norm(following) < norm(rest):  # the last digits are reached
+            break
+        rest = following
+    return w, rest
