@@ -32,7 +32,8 @@ def real_array(value: ArrayLike, what: str) -> FloatArray:
     except ValueError as error:
         raise SettingError(f"{what} is ragged: every row must have the same length ({error}).") from None
     if raw.dtype.kind not in "fiu":
-        raise SettingError(f"{what} is {value!r}; it must hold real numbers (float64).")
+        shown = repr(value) if np.size(raw) < 20 else f"an array of {raw.dtype}"
+        raise SettingError(f"{what} is {shown}; it must hold real numbers (float64).")
     return np.array(raw, dtype=np.float64, order="C")
 
 

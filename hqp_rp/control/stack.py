@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control._checks import check_frames, positive_number, real_array
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
 from hqp_rp.core.errors import HqpError, ProblemError, RobotError, SettingError
@@ -162,8 +162,14 @@ class Stack:
             else:
                 A, lower = item.evaluate(robot, dt)
                 upper = lower
-            m = len(lower)
-            if A.shape != (m, n) or len(upper) != m:
+            try:
+                m = len(lower)
+                fits = A.shape == (m, n) and len(upper) == m
+            except (AttributeError, TypeError):
+                A, lower, upper = (self._as_array(item, array) for array in (A, lower, upper))
+                m = lower.size
+                fits = A.shape == (m, n) and upper.shape == lower.shape == (m,)
+            if not fits:
                 raise self._misfit(item, A, lower, upper, n)
             matrices.append(A)
             lowers.append(lower)
@@ -173,8 +179,14 @@ class Stack:
         # them C-contiguous float64 whatever the robot library returned.
         total = sum(counts)
         matrix, lower = np.empty((total, n)), np.empty(total)
-        np.concatenate(matrices, out=matrix)
-        np.concatenate(lowers, out=lower)
+        try:
+            np.concatenate(matrices, out=matrix)
+            np.concatenate(lowers, out=lower)
+        except (TypeError, ValueError):
+            for (_, item), *arrays in zip(items, matrices, lowers, strict=True):
+                for array in arrays:
+                    self._as_array(item, array)
+            raise
         finite = math.isfinite(np.vdot(matrix, matrix))
         if two_sided:
             upper = np.empty(total)
@@ -212,6 +224,13 @@ class Stack:
 
     def _where(self, item: Any) -> str:
         return next((f"{where}: {item.name!r}" for where, other in self._places() if other is item), repr(item))
+
+    def _as_array(self, item: Any, value: Any) -> FloatArray:
+        """What an item that is not ours returned, as an array; raises `ProblemError` where it is no real array."""
+        try:
+            return real_array(value, "it gives a value that")
+        except SettingError as error:
+            raise ProblemError(f"{self._where(item)}: {error}") from None
 
     def _misfit(self, item: Any, A: FloatArray, lower: FloatArray, upper: FloatArray, n: int) -> HqpError:
         shapes = f"a matrix {np.shape(A)} and bounds {np.shape(lower)}"

@@ -43,9 +43,7 @@ gains = st.sampled_from([1.0, 0.95, 0.3, 0.01])
 def test_the_box_is_never_empty_and_keeps_velocity_and_acceleration(seed, dt, gain, accelerations, scale):
     rng, lower, upper, V, A = scene(seed, dt)
     q, v = scale * rng.normal(size=N), scale * rng.normal(size=N)
-    low, high = box(
-        q, v, lower=lower, upper=upper, V=V, dt=dt, gain=gain, acceleration=A if accelerations else None
-    )
+    low, high = box(q, v, lower=lower, upper=upper, V=V, dt=dt, gain=gain, acceleration=A if accelerations else None)
     assert (low <= high).all()
     assert (low >= -V).all()
     assert (high <= V).all()
@@ -124,7 +122,13 @@ def test_from_rest_outside_the_way_back_is_monotone_and_bounded(seed, dt, gain, 
 
 def test_outside_and_moving_out_brakes_first():
     low, high = box(
-        [1.2], np.array([0.5]), lower=np.array([-1.0]), upper=np.array([1.0]), V=np.array([2.0]), dt=0.1, acceleration=1.0
+        [1.2],
+        np.array([0.5]),
+        lower=np.array([-1.0]),
+        upper=np.array([1.0]),
+        V=np.array([2.0]),
+        dt=0.1,
+        acceleration=1.0,
     )
     np.testing.assert_allclose([low[0], high[0]], [0.4, 0.4])
 
@@ -180,7 +184,7 @@ def test_a_margin_that_swallows_the_range():
 
 def test_a_robot_without_any_limit():
     robot = Chain(np.ones((2, 3)), np.ones((3, 3)), limit=np.inf, velocity=np.inf)
-    with pytest.raises(RobotError, match="has no such limits and none are given"):
+    with pytest.raises(RobotError, match=r"has no such limits and none are given"):
         JointLimit().rows(robot, 0.1, None)
 
 
@@ -206,7 +210,7 @@ def test_numbers_by_joint_name():
     _, low, high = JointLimit(velocity={"joint3": 0.25}).rows(robot, 0.01, None)
     np.testing.assert_array_equal(high, [1.5, 1.5, 0.25, 1.5, 1.5, 1.5, 1.5])
     np.testing.assert_array_equal(low, -high)
-    with pytest.raises(RobotError, match="no joint named 'elbow'.*Valid: joint1"):
+    with pytest.raises(RobotError, match=r"no joint named 'elbow'.*Valid: joint1"):
         JointLimit(velocity={"elbow": 1.0}).rows(robot, 0.01, None)
-    with pytest.raises(RobotError, match="2 numbers are given; the robot has nv = 7"):
+    with pytest.raises(RobotError, match=r"2 numbers are given; the robot has nv = 7"):
         JointLimit(velocity=[1.0, 2.0]).rows(robot, 0.01, None)

@@ -67,11 +67,11 @@ def test_follows_the_robot_it_is_given():
 
 
 def test_errors():
-    with pytest.raises(SettingError, match="the form .* is 'cubic'; valid: 'squared', 'printed'"):
+    with pytest.raises(SettingError, match=r"the form .* is 'cubic'; valid: 'squared', 'printed'"):
         JointLimitPotential(form="cubic")
-    with pytest.raises(SettingError, match="gain of a joint-limit potential is -1.0; it must be finite and >= 0"):
+    with pytest.raises(SettingError, match=r"gain of a joint-limit potential is -1.0; it must be finite and >= 0"):
         JointLimitPotential(gain=-1.0)
-    with pytest.raises(SettingError, match="give one number"):
+    with pytest.raises(SettingError, match=r"give one number"):
         JointLimitPotential(gain=[1.0, 2.0])
-    with pytest.raises(RobotError, match="needs a joint with two finite position limits"):
+    with pytest.raises(RobotError, match=r"needs a joint with two finite position limits"):
         JointLimitPotential().value(Chain(np.ones((2, 3)), np.ones((3, 3)), limit=np.inf))

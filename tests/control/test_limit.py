@@ -37,9 +37,9 @@ def test_another_robot_gets_its_own_rows():
 
 
 def test_errors():
-    with pytest.raises(SettingError, match="the limit of 'joint velocity' is 0.0; it must be > 0"):
+    with pytest.raises(SettingError, match=r"the limit of 'joint velocity' is 0.0; it must be > 0"):
         VelocityLimit(0.0)
-    with pytest.raises(SettingError, match="'joint1' has 'fast'; it must be a number > 0"):
+    with pytest.raises(SettingError, match=r"'joint1' has 'fast'; it must be a number > 0"):
         VelocityLimit({"joint1": "fast"})
-    with pytest.raises(RobotError, match="the robot has no velocity limit and none is given; give `limit`"):
+    with pytest.raises(RobotError, match=r"the robot has no velocity limit and none is given; give `limit`"):
         VelocityLimit().rows(Chain(np.ones((2, 3)), np.ones((3, 3)), velocity=np.inf), 0.1, None)
