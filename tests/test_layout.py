@@ -160,6 +160,24 @@ def test_wheel_works_and_keeps_its_compiled_kernels(built: Path, tmp_path: Path)
     )
 
 
+def test_wheel_works_where_nothing_can_be_written(built: Path, tmp_path: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(tmp_path)
+    # Files where folders would have to be made: even a superuser cannot write there.
+    (tmp_path / "hqp_rp" / "core" / "kernels" / "__pycache__").touch()
+    (tmp_path / "no_home").touch()
+    nowhere = str(tmp_path / "no_home")
+    program = (
+        "import hqp_rp, numpy as np\n"
+        "from hqp_rp.core.kernels.orthogonal import frobenius\n"
+        "assert frobenius(np.array([[3.0, 4.0]]), 0, 1) == 5.0\n"
+    )
+    command = [sys.executable, "-B", "-c", program]
+    done = _run(command, tmp_path, PYTHONPATH=str(tmp_path), HOME=nowhere, XDG_CACHE_HOME=nowhere)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stderr.count("set NUMBA_CACHE_DIR to a folder") == 1
+
+
 def test_one_version_everywhere() -> None:
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

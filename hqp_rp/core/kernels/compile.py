@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -28,7 +30,8 @@ def kernel(function: F) -> F:
     numba's cache watches a function's own file only, so a kernel that calls one in another file would go on running the
     old callee after an update. The name under which it is cached therefore carries a digest of all kernel sources.
     Sums may be reordered and multiply-adds fused ("reassoc", "contract"), so that loops vectorize; NaN and infinity keep
-    their meaning.
+    their meaning. Where nothing can be written (a read-only installation of a user without a home), there is no cache: the
+    kernel is compiled once in each process, and one warning says how to avoid it.
     """
     function.__qualname__ = f"{function.__qualname__}_{SOURCES}"
     options: dict[str, Any] = {
@@ -37,4 +40,18 @@ def kernel(function: F) -> F:
         "error_model": "numpy",
         "fastmath": {"reassoc", "contract"},
     }
-    return cast(F, numba.njit(**options)(function))
+    try:
+        return cast(F, numba.njit(**options)(function))
+    except RuntimeError:  # numba found no folder that it may write to
+        _warn_once()
+        return cast(F, numba.njit(**options | {"cache": False})(function))
+
+
+@functools.cache
+def _warn_once() -> None:
+    warnings.warn(
+        "hqp_rp cannot keep its compiled kernels: neither its own folder nor the user's cache folder can be written. They "
+        "are compiled anew in every process, which takes some seconds; set NUMBA_CACHE_DIR to a folder that can be written.",
+        RuntimeWarning,
+        stacklevel=4,
+    )
