@@ -151,7 +151,12 @@ def checked_secondary(secondary: ArrayLike | None, n: int) -> FloatArray | None:
     """`secondary` as a contiguous float64 vector (n,), or None. Raises `ProblemError` when it does not fit."""
     if secondary is None:
         return None
-    vector = np.ascontiguousarray(secondary, dtype=np.float64)
+    try:
+        vector = np.ascontiguousarray(secondary, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ProblemError(
+            f"secondary is {secondary!r}; it must be {n} finite numbers, one for each unknown."
+        ) from None
     if vector.shape != (n,) or not np.isfinite(vector).all():
         raise ProblemError(f"secondary must be {n} finite numbers, one for each unknown; got {vector.tolist()}.")
     return vector
