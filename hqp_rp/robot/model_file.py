@@ -111,6 +111,8 @@ def mujoco_spec(
         )
     if urdf:
         parse_urdf(path)
+    if not os.fspath(path).endswith((".xml", ".urdf")):
+        raise RobotError(f"MuJoCo reads only files whose name ends in .xml or .urdf: rename {os.fspath(path)!r}.")
     try:
         spec = mujoco.MjSpec.from_file(os.fspath(path))
     except ValueError as error:

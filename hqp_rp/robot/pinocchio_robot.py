@@ -104,7 +104,8 @@ class PinocchioRobot:
 
         A URDF is read by Pinocchio. An MJCF is read by MuJoCo, whose compiled model is then rebuilt joint by joint, so
         that defaults, references, gravity, unnamed bodies and inertias from geometry mean what they mean to MuJoCo
-        (Pinocchio's own reader leaves out gravity, and shifts the limits of a joint by its reference).
+        (Pinocchio's own reader leaves out gravity, shifts the limits of a joint by its reference, and misplaces a free body
+        that the file rotates).
 
         Args:
             path: the file.
@@ -145,6 +146,7 @@ class PinocchioRobot:
 
         Args as `from_file`; `neutral` (nq,) in Pinocchio's convention, default `qpos0`.
         """
+        require_joints(int(source.nv), "the MuJoCo model")
         names = tuple(source.joint(j).name or f"unnamed_joint_{j}" for j in range(source.njnt))
         neutral = configuration_from_mujoco(source, source.qpos0) if neutral is None else neutral
         return cls(model_from_mujoco(source, names), velocity_limit=velocity_limit, neutral=neutral)
