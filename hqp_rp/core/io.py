@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import pathlib
@@ -85,18 +86,18 @@ def load_metadata(path: PathLike) -> dict[str, Any]:
 def _read(path: PathLike) -> tuple[Problem, dict[str, Any]]:
     source = pathlib.Path(path)
     try:
-        with np.load(source, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise FileError(f"{source}: a single array, not a problem file; write one with save_problem.")
-            arrays = {name: archive[name] for name in archive.files}
+        data = source.read_bytes()
     except FileNotFoundError:
         raise FileError(f"{source}: there is no such file.") from None
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, NotImplementedError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"{source}: not a readable .npz problem file ({error}).") from error
-    except Exception as error:  # zlib.error and whatever else a damaged archive sets off
-        raise FileError(f"{source}: damaged ({error}).") from error
+    except OSError as error:
+        raise FileError(f"{source}: not readable ({error.strerror or error}).") from error
+    if not zipfile.is_zipfile(io.BytesIO(data)):
+        raise FileError(f"{source}: not a .npz file, or damaged; problem files are written by save_problem.")
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except Exception as error:  # whatever zip, zlib and numpy make of damaged bytes
+        raise FileError(f"{source}: damaged, or not a problem file ({error}).") from error
     return _assembled(source, arrays)
 
 
