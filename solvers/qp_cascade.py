@@ -46,7 +46,7 @@ class QpCascade(Solver):
 
     Raises `SettingError` for a back end that is not installed or a setting out of range.
 
-    Source: Kanoun, Lamiraux and Wieber 2011 (the cascade); Escande, Mansard and Wieber 2014, section 2 (the null-space
+    Source: Kanoun, Lamiraux and Wieber 2011 (the cascade); Escande, Mansard and Wieber 2014 (the null-space
     basis, the optimal slacks kept). The coordinates and the check are ours.
     """
 
@@ -54,7 +54,7 @@ class QpCascade(Solver):
     summary: ClassVar[str] = (
         "Lexicographic optimum by one QP for each level, in the free directions of the levels before."
     )
-    source: ClassVar[str] = "Kanoun, Lamiraux and Wieber 2011; Escande, Mansard and Wieber 2014, section 2"
+    source: ClassVar[str] = "Kanoun, Lamiraux and Wieber 2011; Escande, Mansard and Wieber 2014"
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
 
@@ -72,8 +72,8 @@ class QpCascade(Solver):
 
     @property
     def tolerance(self) -> float:
-        """Ten times `eps_abs`, but no less than 1e-9."""
-        return max(1e-9, 10.0 * self.eps_abs)
+        """`eps_abs`, but no less than 1e-9."""
+        return max(1e-9, self.eps_abs)
 
     def is_lexicographic(self, problem: Problem) -> bool:
         """True: the cascade computes the lexicographic optimum of every problem."""

@@ -41,8 +41,8 @@ class Weighted(Solver):
 
     Raises `SettingError` for a back end that is not installed or a setting out of range.
 
-    Source: Carpentier, Saurel, Buondonno et al. and the documentation of pink (`solve_ik`); the weighting method is
-    Golub and Van Loan 2013, section 6.1.
+    Source: `mink.solve_ik` and `pink.solve_ik` (their documentation states objective and damping); Golub and Van Loan 2013,
+    section 6.1, on weighting.
     """
 
     name: ClassVar[str] = "weighted"
@@ -71,6 +71,11 @@ class Weighted(Solver):
         check_positive("eps_abs", self.eps_abs)
         if isinstance(self.max_iterations, bool) or not isinstance(self.max_iterations, int) or self.max_iterations < 1:
             raise SettingError(f"max_iterations is {self.max_iterations!r}; it must be an integer >= 1.")
+
+    @property
+    def tolerance(self) -> float:
+        """`eps_abs`, but no less than 1e-9; it holds for hard rows and for the weighted sum as one level."""
+        return max(1e-9, self.eps_abs)
 
     def refuses(self, problem: Problem) -> str | None:
         """Weights that are not one for each level; otherwise nothing."""
@@ -126,7 +131,7 @@ class Weighted(Solver):
             try:
                 # Powers of two bring the matrix to scale without a rounding error.
                 scale = math.ldexp(1.0, -math.frexp(float(np.abs(A).max(initial=0.0)))[1])
-                x = start + np.linalg.lstsq(A * scale, (b - A @ start) * scale, rcond=1e-15)[0]
+                x = start + np.linalg.lstsq(A * scale, (b - A @ start) * scale, rcond=1e-14)[0]
             except np.linalg.LinAlgError:
                 x = np.full(problem.n, np.nan)
         if not np.isfinite(x).all():

@@ -109,11 +109,19 @@ class Cascade:
             A: (m, n), lower, upper: (m,), scaled to the order of one. name: for messages.
         """
         index = len(self.checks)
+        if self.Z.shape[1] == 0:
+            # Nothing can move any more: what the level finds is what it gets.
+            value = A @ self.x
+            self.checks.append(Check(name, A, lower, upper, None, norm(value - np.clip(value, lower, upper))))
+            return
         ids = np.arange(self._taken, self._taken + len(A))
         self._taken += len(A)
+        bounded = np.isfinite(lower) | np.isfinite(upper)
+        if not bounded.all():
+            A, lower, upper, ids = A[bounded], lower[bounded], upper[bounded], ids[bounded]
         equal = lower == upper
         E, b = A[equal], lower[equal]
-        two_sided = ~equal & (np.isfinite(lower) | np.isfinite(upper))
+        two_sided = ~equal
         S_rows, S_lower, S_upper, S_ids = A[two_sided], lower[two_sided], upper[two_sided], ids[two_sided]
         U, sigma, Vr, V0 = _factor(E @ self.Z, A)
         d = b - E @ self.x
@@ -217,7 +225,7 @@ class Cascade:
         memory = None if self._memory is None else self._memory.get(index)
         if memory is None or len(memory.x) != len(self.x) or len(memory.y) != self._rows:
             return None
-        t = np.linalg.lstsq(level.T, self.Z.T @ (memory.x - self.x), rcond=None)[0] / size
+        t: FloatArray = np.linalg.pinv(level.T) @ (self.Z.T @ (memory.x - self.x)) / size
         y = level.scaled_multipliers(memory.y[ids]) / size
         return (t, y) if np.isfinite(t).all() and np.isfinite(y).all() else None
 
@@ -295,11 +303,12 @@ def power_of_two_scale(A: FloatArray) -> int:
 
 def norm(v: FloatArray) -> float:
     """||v||_2 of a vector without overflow or underflow on the way."""
+    square = float(v @ v)
+    if 1e-280 < square < 1e280:
+        return math.sqrt(square)
     largest = float(np.abs(v).max(initial=0.0))
     if largest == 0.0 or not math.isfinite(largest):
         return largest
-    if 1e-140 < largest < 1e140:
-        return math.sqrt(float(v @ v))
     v = v / largest
     return largest * math.sqrt(float(v @ v))
 

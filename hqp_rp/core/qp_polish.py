@@ -19,7 +19,7 @@ def polish(qp: SlackQP, t: FloatArray, y: FloatArray) -> tuple[FloatArray, Float
     to `G t = bounds` by orthogonal factorization, as a least correction of t. Rows that turn out violated, or held by a
     multiplier of the wrong sign, change sides; after a bounded number of passes without agreement the answer stays as it was.
 
-    Source: solution polishing, Stellato, Banjac, Goulart, Bemporad and Boyd 2020, section 5.2, with changes of the set.
+    Source: solution polishing, Stellato, Banjac, Goulart, Bemporad and Boyd 2020, with changes of the set.
 
     Args:
         qp: the QP. t: (n,), y: (m,), what a back end answered.

@@ -72,9 +72,10 @@ def minimize_hard_rows(cascade: Cascade, hard: Level | None, tolerance: float) -
     rows = np.flatnonzero(violation > 1e-6 * violation.max())
     original = np.ldexp(violation, e)
     named = ", ".join(str(int(i)) for i in rows[:8]) + (", ..." if len(rows) > 8 else "")
+    subject = f"Hard rows {named} contradict each other" if len(rows) > 1 else f"Hard row {named} cannot be met"
     return (
-        f"Hard rows {named} contradict each other: even the x of least violation misses one of them by "
-        f"{original.max():.3g}. Loosen them, or move them to a level."
+        f"{subject}: the x of least violation still misses by {original.max():.3g}. "
+        "Loosen these rows, or move them to a level."
     )
 
 
