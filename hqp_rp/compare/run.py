@@ -1,0 +1,172 @@
+"""Scenarios x contestants x seeds, each unit in a worker process, finished units kept so that a stopped run goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from hqp_rp.compare.contestants import Contestant
+from hqp_rp.compare.machine import usable_cores, versions
+from hqp_rp.compare.metrics import judged_rows, part_frame
+from hqp_rp.compare.run_folder import RunFolder, digest
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import Level, Problem
+from hqp_rp.core.solver import Solver
+from hqp_rp.scenarios.scenario import Scenario
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Unit:
+    """One run: a scenario with one contestant and one seed."""
+
+    scenario: Scenario
+    contestant: Contestant
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """The digest of what the unit is: settings of both sides, seed, versions."""
+        names = (type(self.scenario).name, repr(self.scenario), self.contestant.label, repr(self.contestant.solver))
+        return digest(*names, str(self.seed), repr(sorted(versions().items())))
+
+
+def units_of(scenarios: Sequence[Scenario], contestants: Sequence[Contestant], seeds: int) -> list[Unit]:
+    """Every unit, the ones of one scenario and seed together, so that they share the truth of equal problems."""
+    if isinstance(seeds, bool) or not isinstance(seeds, int) or seeds < 1:
+        raise SettingError(f"seeds is {seeds!r}; it must be an integer of at least 1.")
+    return [
+        Unit(scenario, contestant, seed)
+        for scenario in scenarios
+        for seed in range(seeds)
+        for contestant in contestants
+    ]
+
+
+def description(scenarios: Sequence[Scenario], contestants: Sequence[Contestant], seeds: int) -> dict[str, Any]:
+    """What a run is, for the manifest of its folder: two runs are the same when this is equal."""
+    return {
+        "kind": "compare",
+        "scenarios": {type(scenario).name: repr(scenario) for scenario in scenarios},
+        "contestants": {contestant.label: repr(contestant.solver) for contestant in contestants},
+        "seeds": seeds,
+        "versions": versions(),
+    }
+
+
+def run_units(units: Sequence[Unit], folder: RunFolder, *, workers: int | None, progress: bool) -> None:
+    """Run every unit that `folder` does not hold yet, over worker processes.
+
+    Args:
+        units: what to run.
+        folder: where each finished unit is kept at once, so that nothing finished is ever lost.
+        workers: number of processes; None means as many as there are usable cores. 1 runs in this process.
+        progress: show a progress bar with the time left on standard error.
+    """
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
+        raise SettingError(f"workers is {workers!r}; it must be an integer of at least 1, or None.")
+    left = [unit for unit in units if not folder.has(unit.key)]
+    weights = {id(unit): max(unit.scenario.length(), 1) for unit in units}
+    total = sum(weights.values())
+    done = total - sum(weights[id(unit)] for unit in left)
+    with _progress(progress, total, done) as advance:
+        if not left:
+            return
+        advance(0, "compiling kernels")
+        warm_up({repr(unit.contestant.solver): unit.contestant.solver for unit in left}.values())
+        advance(0, "solving")
+        for unit in _finished(left, folder, min(workers or usable_cores(), len(left))):
+            advance(weights[id(unit)], f"{type(unit.scenario).name}: {unit.contestant.label}")
+
+
+def _finished(left: Sequence[Unit], folder: RunFolder, workers: int) -> Iterator[Unit]:
+    if workers == 1:
+        for unit in left:
+            folder.save(unit.key, run_unit(unit))
+            yield unit
+        return
+    import joblib
+
+    with _one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
+        pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
+        for index, frame in pool(joblib.delayed(_indexed)(i, unit) for i, unit in enumerate(left)):
+            folder.save(left[index].key, frame)
+            yield left[index]
+
+
+def _indexed(index: int, unit: Unit) -> tuple[int, pl.DataFrame]:
+    warm_up([unit.contestant.solver])
+    return index, run_unit(unit)
+
+
+def run_unit(unit: Unit) -> pl.DataFrame:
+    """The judged steps of one run, as `metrics.SCHEMA`."""
+    solver = dataclasses.replace(unit.contestant.solver)  # workspaces and warm starts of its own
+    steps = unit.scenario.steps(solver, unit.seed)
+    return part_frame(
+        judged_rows(
+            steps,
+            solver,
+            scenario=type(unit.scenario).name,
+            contestant=unit.contestant.label,
+            seed=unit.seed,
+        )
+    )
+
+
+def warm_up(solvers: Iterable[Solver]) -> None:
+    """Compile, or load from the cache, what each solver needs, so that no compile time is taken for solve time.
+
+    In the first process this also fills numba's cache on disk before any worker reads it.
+    """
+    rng = np.random.default_rng(0)
+    levels = [Level.equality(rng.standard_normal((2, 7)), rng.standard_normal(2)) for _ in range(3)]
+    problems = [Problem(levels[:2]), Problem(levels)]
+    for solver in solvers:
+        fresh = dataclasses.replace(solver)
+        for problem in problems:
+            fresh.solve(problem)
+            fresh.solve(problem, np.zeros(7))
+
+
+@contextlib.contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Libraries that read their thread count when a worker imports them, polars among them, get one thread."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextlib.contextmanager
+def _progress(show: bool, total: int, done: int) -> Iterator[Callable[[int, str], None]]:
+    if not show:
+        yield lambda steps, what: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("steps"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=total, completed=done)
+        yield lambda steps, what: bar.update(task, advance=steps, description=what)
