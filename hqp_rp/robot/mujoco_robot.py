@@ -151,9 +151,10 @@ class MujocoRobot:
     def data(self) -> mujoco.MjData:
         """The simulation state, made on first use at `neutral` and never touched by this object afterwards."""
         if self._simulation is None:
-            self._simulation = mujoco.MjData(self._model)
-            self._simulation.qpos[:] = self._neutral
-            mujoco.mj_forward(self._model, self._simulation)
+            data = mujoco.MjData(self._model)
+            data.qpos[:] = self._neutral
+            mujoco.mj_forward(self._model, data)
+            self._simulation = data
         return self._simulation
 
     @property
