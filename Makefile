@@ -57,7 +57,7 @@ lint: setup
 
 types: setup
 	$(BIN)/mypy
-	$(BIN)/basedpyright
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
 # .installed says what the environment was made from: the requirements (by content, since a checkout changes dates) and
 # the folder, whose path is written into the environment's scripts. An environment that is complete is left alone; one

@@ -44,7 +44,8 @@ def kernel(function: F) -> F:
         return cast(F, numba.njit(**options)(function))
     except RuntimeError:  # numba found no folder that it may write to
         _warn_once()
-        return cast(F, numba.njit(**options | {"cache": False})(function))
+        options["cache"] = False
+        return cast(F, numba.njit(**options)(function))
 
 
 @functools.cache
