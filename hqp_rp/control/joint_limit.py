@@ -92,7 +92,7 @@ class JointLimit:
         self._bound: Robot | None = None
         self._coordinates: IntArray | None = None
         self._identity = np.empty((0, 0))
-        self._limits: tuple[FloatArray, FloatArray, FloatArray, FloatArray | None] | None = None
+        self._limits: tuple[FloatArray, FloatArray, FloatArray | None] | None = None
 
     @property
     def name(self) -> str:
@@ -102,36 +102,29 @@ class JointLimit:
     def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The identity (nv, nv), lower (nv,) and upper (nv,), rad/s or m/s; v is the velocity before this step."""
         limits = self._limits if robot is self._bound and self._limits is not None else self._bind(robot)
-        least, greatest, speed, acceleration = limits
-        if acceleration is not None and v is None:
-            raise SettingError(
-                f"limit {self._name!r} bounds accelerations, so it needs the velocity before this step: "
-                "stack.problem(robot, dt, v); zeros for a robot at rest."
-            )
+        ends, speed, acceleration = limits
         lower, upper = -speed, speed
-        if acceleration is not None and v is not None:
-            lower, upper = v - acceleration * dt, v + acceleration * dt
+        if acceleration is not None:
+            if v is None:
+                raise SettingError(
+                    f"limit {self._name!r} bounds accelerations, so it needs the velocity before this step: "
+                    "stack.problem(robot, dt, v); zeros for a robot at rest."
+                )
+            change = acceleration * dt
             # A velocity beyond V comes back to V at once: the clip moves both bounds there.
-            np.clip(lower, -speed, speed, out=lower)
-            np.clip(upper, -speed, speed, out=upper)
+            lower = np.minimum(np.maximum(v - change, lower), speed)
+            upper = np.minimum(np.maximum(v + change, -speed), speed)
         if not self._position:
             return self._identity, lower, upper
-        q = joint_positions(robot.q, self._coordinates)
-        down, up = least - q, greatest - q
+        distance = ends - joint_positions(robot.q, self._coordinates)
         if acceleration is None:
-            down *= self._gain / dt
-            up *= self._gain / dt
+            down, up = distance * (self._gain / dt)
         else:
-            down = _allowed_step(down, self._gain, acceleration * (dt * dt)) / dt
-            # The steps grow with the distance, but rounding may swap two that are equal.
-            up = np.maximum(down, _allowed_step(up, self._gain, acceleration * (dt * dt)) / dt)
-        return (
-            self._identity,
-            np.minimum(np.maximum(down, lower), upper),
-            np.maximum(np.minimum(up, upper), lower),
-        )
+            down, up = _allowed_step(distance, self._gain, acceleration * (dt * dt)) / dt
+            up = np.maximum(down, up)  # the step grows with the distance, but rounding may swap two that are equal
+        return self._identity, np.minimum(np.maximum(down, lower), upper), np.maximum(np.minimum(up, upper), lower)
 
-    def _bind(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+    def _bind(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
         owner = f"limit {self._name!r}"
         if self._margin.ndim and len(self._margin) != robot.nv:
             raise RobotError(f"{owner}: margin has {len(self._margin)} numbers; the robot has nv = {robot.nv}.")
@@ -155,7 +148,7 @@ class JointLimit:
         speed.flags.writeable = False
         self._identity = identity(robot.nv)
         self._coordinates = coordinate_index(robot, owner) if self._position else None
-        self._bound, self._limits = robot, (least, greatest, speed, acceleration)
+        self._bound, self._limits = robot, (np.stack((least, greatest)), speed, acceleration)
         return self._limits
 
     def __repr__(self) -> str:
@@ -163,7 +156,7 @@ class JointLimit:
 
 
 def _allowed_step(distance: FloatArray, gain: float, a: FloatArray) -> FloatArray:
-    """phi(d): the signed step (n,) towards a limit at the signed distance d; a = A dt^2, infinite for no limit."""
+    """phi(d): the signed step (..., n) towards a limit at the signed distance d (..., n); a = A dt^2 (n,) or infinite."""
     size = np.abs(distance)
     bounded = np.isfinite(size) & np.isfinite(a)
     d, brake = np.where(bounded, size, 0.0), np.where(bounded, a, 1.0)

@@ -84,7 +84,7 @@ class OrientationTask(FrameTask):
     def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
         R = robot.pose(self._frame)[0]
         J = robot.jacobian(self._frame)[3:]
-        error = rotation_log(self._target @ R.T)
+        error = rotation_log(self._target.dot(R.T))
         feedforward = self._feedforward
         S = self._axes_rotation(robot, R)
         if S is not None:

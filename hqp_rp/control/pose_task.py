@@ -81,7 +81,7 @@ class PoseTask(FrameTask):
         target, origin = self._target
         error = np.empty(6)
         error[:3] = origin - p
-        error[3:] = rotation_log(target @ R.T)
+        error[3:] = rotation_log(target.dot(R.T))
         feedforward = self._feedforward
         S = self._axes_rotation(robot, R)
         if S is not None:

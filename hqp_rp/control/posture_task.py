@@ -128,5 +128,7 @@ class PostureTask(FeedbackTask):
 
     def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
         matrix = self._matrix if robot is self._bound and self._matrix is not None else self._bind(robot)
-        error = robot.difference(robot.q, self._target)
+        # Where q has as many entries as v, all joints are hinges and slides, and the difference is the plain one.
+        plain = len(self._target) == len(matrix[0])
+        error = self._target - robot.q if plain else robot.difference(robot.q, self._target)
         return matrix, error if self._indices is None else error[self._indices], self._feedforward

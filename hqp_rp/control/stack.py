@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -10,10 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import check_frames, positive_number, real_array
+from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control._rows import LIMIT, MINK_TASK, TASK, stack_rows
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
-from hqp_rp.core.errors import HqpError, ProblemError, RobotError, SettingError
+from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.robot.robot import Robot
 
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 Item: TypeAlias = Any
 """A `Task`, a `Limit`, or a task or limit of mink."""
 
-_Rows: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
-
-_TASK, _LIMIT, _MINK_TASK = 0, 1, 2
 _MEANT = "a Task, a Limit, or a task or limit of mink"
 
 
@@ -85,8 +82,8 @@ class Stack:
         self._ends = np.cumsum([len(level) for level in adapted]).tolist()
         self._hard = [self._adapt(item, "limits") for item in self._limits]
         self._names = _level_names(names, adapted)
-        self._needs_dt = any(kind != _TASK for kind, _ in (*self._items, *self._hard))
-        self._two_sided = any(kind == _LIMIT for kind, _ in self._items)
+        self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
+        self._two_sided = any(kind == LIMIT for kind, _ in self._items)
         self._robot: Robot | None = None
         self._counts: list[int] = []
         self._offsets: IntArray = np.zeros(1, dtype=np.int64)
@@ -132,7 +129,7 @@ class Stack:
         if self._configurations is not None:
             self._configurations.expire()
 
-        (matrix, lower, upper), counts = self._evaluate(self._items, robot, dt, v, self._two_sided)
+        (matrix, lower, upper), counts = stack_rows(self._items, robot, dt, v, self._two_sided, self._where)
         if counts != self._counts:
             ends = np.cumsum([0, *counts])
             self._offsets = np.array([0, *ends[self._ends]], dtype=np.int64)
@@ -140,67 +137,9 @@ class Stack:
             self._counts = counts
         hard = None
         if self._hard:
-            rows, _ = self._evaluate(self._hard, robot, dt, v, True)
+            rows, _ = stack_rows(self._hard, robot, dt, v, True, self._where)
             hard = Level._view(*rows, "limits")
         return Problem.from_stacked(matrix, lower, upper, self._offsets, names=self._names, hard=hard, check=False)
-
-    def _evaluate(
-        self, items: list[tuple[int, Any]], robot: Robot, dt: float | None, v: FloatArray | None, two_sided: bool
-    ) -> tuple[_Rows, list[int]]:
-        """The stacked rows of `items`, checked, and how many rows each has."""
-        n = robot.nv
-        matrices: list[FloatArray] = []
-        lowers: list[FloatArray] = []
-        uppers: list[FloatArray] = []
-        counts: list[int] = []
-        for kind, item in items:
-            if kind == _TASK:
-                A, lower = item.evaluate(robot)
-                upper = lower
-            elif kind == _LIMIT:
-                A, lower, upper = item.rows(robot, dt, v)
-            else:
-                A, lower = item.evaluate(robot, dt)
-                upper = lower
-            try:
-                m = len(lower)
-                fits = A.shape == (m, n) and len(upper) == m
-            except (AttributeError, TypeError):
-                A, lower, upper = (self._as_array(item, array) for array in (A, lower, upper))
-                m = lower.size
-                fits = A.shape == (m, n) and upper.shape == lower.shape == (m,)
-            if not fits:
-                raise self._misfit(item, A, lower, upper, n)
-            matrices.append(A)
-            lowers.append(lower)
-            uppers.append(upper)
-            counts.append(m)
-        # Fresh arrays at each step: a problem that someone keeps must not change when the next one is built. `out` makes
-        # them C-contiguous float64 whatever the robot library returned.
-        total = sum(counts)
-        matrix, lower = np.empty((total, n)), np.empty(total)
-        try:
-            np.concatenate(matrices, out=matrix)
-            np.concatenate(lowers, out=lower)
-        except (TypeError, ValueError):
-            for (_, item), *arrays in zip(items, matrices, lowers, strict=True):
-                for array in arrays:
-                    self._as_array(item, array)
-            raise
-        finite = math.isfinite(np.vdot(matrix, matrix))
-        if two_sided:
-            upper = np.empty(total)
-            np.concatenate(uppers, out=upper)
-            # Comparisons with nan are false, so that this also finds every nan.
-            sound = finite and bool(((lower <= upper) & (lower < math.inf) & (upper > -math.inf)).all())
-        else:
-            upper = lower
-            sound = finite and math.isfinite(lower.dot(lower))
-        if not sound:
-            self._refuse_unsound(items, matrices, lowers, uppers)
-        for array in (matrix, lower, upper):
-            array.flags.writeable = False
-        return (matrix, lower, upper), counts
 
     def _meet(self, robot: Robot) -> None:
         """Check that the robot has what the items name."""
@@ -225,51 +164,6 @@ class Stack:
     def _where(self, item: Any) -> str:
         return next((f"{where}: {item.name!r}" for where, other in self._places() if other is item), repr(item))
 
-    def _as_array(self, item: Any, value: Any) -> FloatArray:
-        """What an item that is not ours returned, as an array; raises `ProblemError` where it is no real array."""
-        try:
-            return real_array(value, "it gives a value that")
-        except SettingError as error:
-            raise ProblemError(f"{self._where(item)}: {error}") from None
-
-    def _misfit(self, item: Any, A: FloatArray, lower: FloatArray, upper: FloatArray, n: int) -> HqpError:
-        shapes = f"a matrix {np.shape(A)} and bounds {np.shape(lower)}"
-        if np.shape(upper) != np.shape(lower):
-            shapes += f" and {np.shape(upper)}"
-        return ProblemError(
-            f"{self._where(item)} gives {shapes}; for this robot it must be a matrix (m, {n}) and m bounds, (m,)."
-        )
-
-    def _refuse_unsound(
-        self,
-        items: list[tuple[int, Any]],
-        matrices: list[FloatArray],
-        lowers: list[FloatArray],
-        uppers: list[FloatArray],
-    ) -> None:
-        """Raise `ProblemError` for the first item with a nan, an infinite entry or crossed bounds; pass if all is well.
-
-        (All is well when the quick test overflowed on huge but finite entries.)
-        """
-        for (kind, item), A, lower, upper in zip(items, matrices, lowers, uppers, strict=True):
-            if kind == _LIMIT:
-                bad = ~((lower <= upper) & (lower < math.inf) & (upper > -math.inf))
-                rule = "every bound must be a number with lower <= upper, and infinite only to mean none"
-            else:
-                bad = ~np.isfinite(lower)
-                rule = "every entry must be finite"
-            if not np.isfinite(A).all():
-                i, j = (int(k) for k in np.argwhere(~np.isfinite(A))[0])
-                raise ProblemError(f"{self._where(item)}: matrix[{i}, {j}] is {A[i, j]}; every entry must be finite.")
-            if bad.any():
-                i = int(np.flatnonzero(bad)[0])
-                value = (
-                    f"lower[{i}] is {lower[i]}, upper[{i}] is {upper[i]}"
-                    if kind == _LIMIT
-                    else f"rate[{i}] is {lower[i]}"
-                )
-                raise ProblemError(f"{self._where(item)}: {value}; {rule}.")
-
     def _adapt(self, item: Any, where: str) -> tuple[int, Any]:
         """What kind of item it is, and the item or its adapter."""
         mink = sys.modules.get("mink")  # whoever holds an object of mink has imported it
@@ -280,12 +174,12 @@ class Stack:
             adapted = adapt(item, configurations)
             if adapted is not None:
                 self._configurations = configurations
-                return (_MINK_TASK if isinstance(adapted, MinkTask) else _LIMIT), adapted
+                return (MINK_TASK if isinstance(adapted, MinkTask) else LIMIT), adapted
         if not isinstance(item, type):
             if isinstance(item, Task):
-                return _TASK, item
+                return TASK, item
             if isinstance(item, Limit):
-                return _LIMIT, item
+                return LIMIT, item
         shown = f"the class {item.__name__}" if isinstance(item, type) else repr(item)
         raise SettingError(f"{where} holds {shown}, which is neither {_MEANT}; give one of these.")
 

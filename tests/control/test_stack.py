@@ -148,8 +148,8 @@ def test_strict_priorities(robot):
         robot.update(robot.integrate(robot.q, solution.x, dt))
     np.testing.assert_allclose(position.error(robot), 0.0, atol=1e-4)  # what explicit Euler steps leave
     assert np.linalg.norm(posture.error(robot)) > 0.1
-    # At rest: the posture has moved as far as the position lets it.
-    assert np.linalg.norm(solution.x) < 1e-2
+    # Nearly at rest: the posture has moved as far as the position lets it.
+    assert np.linalg.norm(solution.x) < 0.1 * np.linalg.norm(posture.error(robot))
 
 
 MISUSE = [
