@@ -76,13 +76,13 @@ class FrameTask(FeedbackTask):
         self._feedforward = finite_vector(value, len(self._valid), f"the feedforward of {self._name!r}", unit)
 
     def _axes_rotation(self, robot: Robot, rotation: FloatArray) -> FloatArray | None:
-        """S (3, 3), from the chosen axes to the world, or None for the world's own; `rotation` is the task frame's."""
+        """R_f (3, 3), from the chosen axes to the world, or None for the world's own; `rotation` is the task frame's."""
         if self._expressed_in == WORLD:
             return None
         return rotation if self._expressed_in == self._frame else robot.pose(self._expressed_in)[0]
 
-    def _turning(self, robot: Robot, jacobian: FloatArray, S: FloatArray, error: FloatArray) -> FloatArray:
-        """(3, nv) `[e]x S^T J_omega`: what the turning of the axes S adds to d(S^T e)/dt, with e = `error` in S."""
+    def _turning(self, robot: Robot, jacobian: FloatArray, R_f: FloatArray, error: FloatArray) -> FloatArray:
+        """(3, nv) `[e]x R_f^T J_omega`: what the turning of the axes R_f adds to d(R_f^T e)/dt, with e = `error` in R_f."""
         turning = jacobian if self._expressed_in == self._frame else robot.jacobian(self._expressed_in)
-        product: FloatArray = skew(error) @ S.T @ turning[3:]
+        product: FloatArray = skew(error) @ R_f.T @ turning[3:]
         return product

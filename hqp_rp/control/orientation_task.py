@@ -14,9 +14,9 @@ from hqp_rp.robot.robot import Robot
 
 
 class OrientationTask(FrameTask):
-    """Turn a frame R to a target R*: `S^T J_omega v = S^T feedforward + gain * e` with `e = S^T log(R* R^T)`.
+    """Turn a frame R to a target R*: `R_f^T J_omega v = R_f^T feedforward + gain * e` with `e = R_f^T log(R* R^T)`.
 
-    log(R* R^T) is the rotation vector, in world axes, that takes R to R*; S holds the axes of `expressed_in`.
+    log(R* R^T) is the rotation vector, in world axes, that takes R to R*; R_f holds the axes of `expressed_in`.
 
     J is the geometric Jacobian (angular velocity), not the derivative of the logarithm: with a constant target and world
     axes, de/dt = -J_r(e)^-1 J v, where J_r is the right Jacobian of SO(3). Both agree for small errors. Because
@@ -86,10 +86,10 @@ class OrientationTask(FrameTask):
         J = robot.jacobian(self._frame)[3:]
         error = rotation_log(self._target.dot(R.T))
         feedforward = self._feedforward
-        S = self._axes_rotation(robot, R)
-        if S is not None:
-            J, error = S.T @ J, S.T @ error
-            feedforward = None if feedforward is None else S.T @ feedforward
+        R_f = self._axes_rotation(robot, R)
+        if R_f is not None:
+            J, error = R_f.T @ J, R_f.T @ error
+            feedforward = None if feedforward is None else R_f.T @ feedforward
         if self._rows == 3 and isinstance(self._index, slice):
             return J, error, feedforward
         index = self._index

@@ -62,7 +62,7 @@ class PointingTask(FeedbackTask):
         # The frame's own axis nearest to perpendicular to a gives a basis that is well conditioned for every a.
         first = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
         first /= np.linalg.norm(first)
-        self._basis = np.stack((first, np.cross(a, first), a), axis=1)
+        self._basis: FloatArray = np.stack((first, np.cross(a, first), a), axis=1)
         self.direction = direction
         self.feedforward = feedforward
 
@@ -92,7 +92,7 @@ class PointingTask(FeedbackTask):
         )
 
     def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        B = robot.pose(self._frame)[0] @ self._basis
+        B: FloatArray = robot.pose(self._frame)[0] @ self._basis
         # d in the basis (b1, b2, a): a x d = -d2 b1 + d1 b2, and a . d is the third component.
         d1, d2, cosine = (self._direction @ B).tolist()
         sine = math.hypot(d1, d2)
@@ -101,7 +101,7 @@ class PointingTask(FeedbackTask):
             error = np.array((-factor * d2, factor * d1))
         else:
             error = np.array((0.0 if cosine > 0.0 else math.pi, 0.0))
-        across = B[:, :2].T
+        across: FloatArray = B[:, :2].T
         feedforward = None if self._feedforward is None else across @ self._feedforward
         return across @ robot.jacobian(self._frame)[3:], error, feedforward
 

@@ -18,7 +18,7 @@ class PoseTask(FrameTask):
     """The rows of `PositionTask` over those of `OrientationTask`, along any of the six axes, in one level.
 
     Rows are in m/s and rad/s; where they cannot all be met, `weight` says how a metre is weighed against a radian. The
-    error is [S^T (p* - p); S^T log(R* R^T)], and each half keeps the convention of its own task: exact for the position,
+    error is [R_f^T (p* - p); R_f^T log(R* R^T)], and each half keeps the convention of its own task: exact for the position,
     geometric for the orientation.
 
     Args:
@@ -83,12 +83,12 @@ class PoseTask(FrameTask):
         error[:3] = origin - p
         error[3:] = rotation_log(target.dot(R.T))
         feedforward = self._feedforward
-        S = self._axes_rotation(robot, R)
-        if S is not None:
-            error = (error.reshape(2, 3) @ S).ravel()
-            turning = self._turning(robot, J, S, error[:3])
-            J = np.concatenate((S.T @ J[:3] - turning, S.T @ J[3:]))
-            feedforward = None if feedforward is None else (feedforward.reshape(2, 3) @ S).ravel()
+        R_f = self._axes_rotation(robot, R)
+        if R_f is not None:
+            error = (error.reshape(2, 3) @ R_f).ravel()
+            turning = self._turning(robot, J, R_f, error[:3])
+            J = np.concatenate((R_f.T @ J[:3] - turning, R_f.T @ J[3:]))
+            feedforward = None if feedforward is None else (feedforward.reshape(2, 3) @ R_f).ravel()
         if self._rows == 6 and isinstance(self._index, slice):
             return J, error, feedforward
         index = self._index

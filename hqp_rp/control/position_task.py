@@ -13,10 +13,10 @@ from hqp_rp.robot.robot import Robot
 
 
 class PositionTask(FrameTask):
-    """Bring a frame's origin p to a target p*: `J v = S^T feedforward + gain * e` with `e = S^T (p* - p)`.
+    """Bring a frame's origin p to a target p*: `J v = R_f^T feedforward + gain * e` with `e = R_f^T (p* - p)`.
 
-    S holds the axes of `expressed_in`. In axes that turn with the robot, J is the exact derivative of e,
-    `J = S^T J_p - [e]x S^T J_omega,S`, so d(e)/dt = -J v holds for every choice and a component along a moving axis
+    R_f holds the axes of `expressed_in`. In axes that turn with the robot, J is the exact derivative of e,
+    `J = R_f^T J_p - [e]x R_f^T J_omega,f`, so d(e)/dt = -J v holds for every choice and a component along a moving axis
     converges even where the others are left free. In world axes J is the geometric Jacobian J_p.
 
     Args:
@@ -75,11 +75,11 @@ class PositionTask(FrameTask):
         rotation, origin = robot.pose(self._frame)
         jacobian = robot.jacobian(self._frame)
         J, error, feedforward = jacobian[:3], self._target - origin, self._feedforward
-        S = self._axes_rotation(robot, rotation)
-        if S is not None:
-            error = S.T @ error
-            J = S.T @ J - self._turning(robot, jacobian, S, error)
-            feedforward = None if feedforward is None else S.T @ feedforward
+        R_f = self._axes_rotation(robot, rotation)
+        if R_f is not None:
+            error = R_f.T @ error
+            J = R_f.T @ J - self._turning(robot, jacobian, R_f, error)
+            feedforward = None if feedforward is None else R_f.T @ feedforward
         if self._rows == 3 and isinstance(self._index, slice):
             return J, error, feedforward
         index = self._index

@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 from typing import Protocol, runtime_checkable
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import per_row
@@ -102,9 +103,9 @@ class FeedbackTask(abc.ABC):
         if feedforward is not None:
             rate += feedforward
         weight = self._weight
-        if isinstance(weight, float):
-            return (J, rate) if weight == 1.0 else (weight * J, weight * rate)
-        return weight[:, None] * J, weight * rate
+        if isinstance(weight, np.ndarray):
+            return weight[:, None] * J, weight * rate
+        return (J, rate) if weight == 1.0 else (weight * J, weight * rate)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._name!r})"

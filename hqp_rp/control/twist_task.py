@@ -13,9 +13,9 @@ from hqp_rp.robot.robot import Robot
 
 
 class TwistTask:
-    """Move a frame at a given velocity along chosen axes: `(S^T J)[axes] v = velocity`.
+    """Move a frame at a given velocity along chosen axes: `(R_f^T J)[axes] v = velocity`.
 
-    J is the geometric Jacobian (velocity of the frame's origin over angular velocity) and S holds the axes of
+    J is the geometric Jacobian (velocity of the frame's origin over angular velocity) and R_f holds the axes of
     `expressed_in`. There is no error to feed back: this is the task for references that another law integrates, such as
     force or impedance control, and for teleoperation.
 
@@ -82,16 +82,16 @@ class TwistTask:
         """(k, nv) geometric Jacobian along the chosen axes, before the weight."""
         J = robot.jacobian(self._frame)
         if self._expressed_in != WORLD:
-            S = robot.pose(self._expressed_in)[0]
-            J = np.concatenate((S.T @ J[:3], S.T @ J[3:]))
+            R_f = robot.pose(self._expressed_in)[0]
+            J = np.concatenate((R_f.T @ J[:3], R_f.T @ J[3:]))
         return J[self._index]
 
     def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
         """Jacobian (k, nv) and rate (k,), both scaled by the weight."""
         J, weight = self.jacobian(robot), self._weight
-        if isinstance(weight, float):
-            return (J, self._velocity) if weight == 1.0 else (weight * J, weight * self._velocity)
-        return weight[:, None] * J, weight * self._velocity
+        if isinstance(weight, np.ndarray):
+            return weight[:, None] * J, weight * self._velocity
+        return (J, self._velocity) if weight == 1.0 else (weight * J, weight * self._velocity)
 
     def __repr__(self) -> str:
         return f"TwistTask({self._name!r})"
