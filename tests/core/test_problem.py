@@ -1,0 +1,166 @@
+"""Levels and problems: what they hold, and the error for each way to state one wrongly."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hqp_rp import HqpError, Level, Problem, ProblemError
+from tests.problems import independent, over_constrained, two_sided
+
+
+def test_stacked_arrays_and_views() -> None:
+    problem = Problem(
+        [Level.equality([[1, 2, 3]], [4], name="first"), Level(np.eye(3)[:2], [-1, -np.inf], 1)],
+        hard=Level(np.eye(3), -2, 2, name="box"),
+    )
+    np.testing.assert_array_equal(problem.matrix, [[1, 2, 3], [1, 0, 0], [0, 1, 0]])
+    np.testing.assert_array_equal(problem.lower, [4, -1, -np.inf])
+    np.testing.assert_array_equal(problem.upper, [4, 1, 1])
+    assert problem.offsets.tolist() == [0, 1, 3]
+    assert (problem.n, problem.p, problem.names) == (3, 2, ("first", "level 2"))
+    assert not problem.is_equality
+    assert [level.is_equality for level in problem.levels] == [True, False]
+    assert [(level.m, level.n) for level in problem.levels] == [(1, 3), (2, 3)]
+    for level in problem.levels:
+        assert np.shares_memory(level.A, problem.matrix)
+        assert np.shares_memory(level.lower, problem.lower)
+    assert problem.levels is problem.levels
+    assert problem.hard is not None
+    assert problem.hard.upper.tolist() == [2, 2, 2]
+    assert repr(problem) == "Problem(1 + 2 rows on 3 unknowns, 3 hard rows)"
+    assert repr(problem.levels[1]) == "Level('level 2', 2 x 3, two-sided)"
+    assert problem.matrix.flags.c_contiguous
+    assert problem.offsets.dtype == np.int64
+
+
+def test_stored_arrays_are_copies_and_read_only() -> None:
+    A, b = np.eye(2), np.ones(2)
+    level = Level.equality(A, b)
+    problem = Problem([level])
+    A[0, 0], b[0] = 9.0, 9.0
+    assert level.A[0, 0] == 1.0
+    assert level.lower[0] == 1.0
+    for array in (level.A, level.lower, level.upper, problem.matrix, problem.lower, problem.upper, problem.offsets):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    with pytest.raises(AttributeError, match="Level is read-only"):
+        level.name = "other"
+    with pytest.raises(AttributeError, match="Problem is read-only"):
+        problem.n = 3
+
+
+def test_accepted_forms() -> None:
+    assert Level([[1, 2]], 0, 1).A.dtype == np.float64
+    assert Level(np.array([[True, False]]), 0, 1).A.tolist() == [[1.0, 0.0]]
+    assert Level(np.asfortranarray(np.ones((2, 3))), 0, 1).A.flags.c_contiguous
+    assert Level(np.eye(2, dtype=np.float32), 0, 1).A.dtype == np.float64
+    empty = Problem([Level(np.zeros((0, 3)), [], []), Level.equality(np.zeros((0, 3)), [])])
+    assert empty.is_equality
+    assert empty.matrix.shape == (0, 3)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.lists(st.integers(0, 3), min_size=1, max_size=4))
+def test_stacked_round_trip(seed: int, rows: list[int]) -> None:
+    problem = two_sided(seed, 3, rows, box=1.0)
+    arrays = (problem.matrix, problem.lower, problem.upper, problem.offsets)
+    for other in (
+        Problem.from_stacked(*arrays, names=problem.names, hard=problem.hard),
+        Problem.from_stacked(*arrays, names=problem.names, hard=problem.hard, check=False),
+        pickle.loads(pickle.dumps(problem)),
+        Problem(problem.levels, problem.hard),
+    ):
+        for name in ("matrix", "lower", "upper", "offsets"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(problem, name))
+        assert other.names == problem.names
+        assert other.is_equality == problem.is_equality
+        for a, b in zip(other.levels, problem.levels, strict=True):
+            np.testing.assert_array_equal(a.A, b.A)
+
+
+def test_fast_path_copies_nothing() -> None:
+    matrix, b, offsets = np.eye(3), np.ones(3), np.array([0, 1, 3])
+    problem = Problem.from_stacked(matrix, b, b, offsets, check=False)
+    assert problem.matrix is matrix
+    assert problem.lower is problem.upper
+    assert problem.is_equality
+    assert problem.names == ("level 1", "level 2")
+    assert not Problem.from_stacked(matrix, b, b + 1, offsets, check=False).is_equality
+
+
+def test_level_pickles() -> None:
+    level = Level([[1.0, 2.0]], -np.inf, 3.0, name="one")
+    other = pickle.loads(pickle.dumps(level))
+    assert (other.name, other.A.tolist(), other.lower.tolist(), other.upper.tolist()) == (
+        "one",
+        [[1, 2]],
+        [-np.inf],
+        [3],
+    )
+
+
+eye = np.eye(2)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Level([1.0, 2.0], 0, 1, "tool"), r"level 'tool': A has 1 dimension.*write A\[None, :\]"),
+        (lambda: Level([[1.0], [1.0, 2.0]], 0, 1), "a level: A is ragged"),
+        (lambda: Level([["a"]], 0, 1), "A has dtype <U1; it must hold real numbers"),
+        (lambda: Level([[1j]], 0, 1), "A has dtype complex128"),
+        (lambda: Level([[1.0, np.nan]], 0, 1, "t"), r"level 't': A\[0, 1\] is nan; every entry must be finite"),
+        (lambda: Level([[np.inf, 0]], 0, 1), r"A\[0, 0\] is inf"),
+        (lambda: Level.equality(eye, [1, np.nan], "t"), r"level 't': b\[1\] is nan; every entry must be finite"),
+        (lambda: Level.equality(eye, [1, np.inf]), r"b\[1\] is inf"),
+        (lambda: Level(eye, [0, np.nan], 1), r"lower\[1\] is nan; every bound must be a number"),
+        (lambda: Level(eye, [0, 0, 0], 1), r"lower has shape \(3,\); A has 2 rows, so it must be \(2,\) or one number"),
+        (lambda: Level(eye, 0, [[1, 1]]), r"upper has shape \(1, 2\)"),
+        (
+            lambda: Level(eye, [0, 2], 1, "t"),
+            r"level 't': lower\[1\] = 2 > upper\[1\] = 1; lower must not exceed upper",
+        ),
+        (lambda: Level(eye, [0, np.inf], np.inf), r"lower\[1\] is inf, which no x can meet"),
+        (lambda: Level(eye, -np.inf, [-np.inf, 0]), r"upper\[0\] is -inf, which no x can meet"),
+        (lambda: Problem([]), "at least one level"),
+        (lambda: Problem(Level(eye, 0, 1)), r"takes a list of levels.*Problem\(\[level\]\)"),
+        (lambda: Problem([eye]), r"Level 1 is a ndarray: build it with Level\(...\)"),
+        (lambda: Problem([Level(np.zeros((2, 0)), 0, 1, "t")]), r"Level 1 \('t'\) has no unknowns: A is \(2, 0\)"),
+        (
+            lambda: Problem([Level(eye, 0, 1, "a"), Level([[1.0, 2, 3]], 0, 1, "b")]),
+            r"Level 2 \('b'\) has 3 columns and Level 1 \('a'\) has 2",
+        ),
+        (lambda: Problem([Level(eye, 0, 1)], hard=eye), "hard is a ndarray"),
+        (
+            lambda: Problem([Level(eye, 0, 1)], hard=Level([[1.0]], 0, 1)),
+            "hard rows have 1 columns and the levels have 2",
+        ),
+        (
+            lambda: Problem.from_stacked(eye, np.zeros(3), np.zeros(2), [0, 2]),
+            r"stacked arrays do not fit: .*lower \(3,\)",
+        ),
+        (
+            lambda: Problem.from_stacked(eye, np.zeros(2), np.zeros(2), [0.0, 2.0]),
+            "offsets must be a vector of integers",
+        ),
+        (lambda: Problem.from_stacked(eye, np.zeros(2), np.zeros(2), [0, 1]), r"offsets = \[0, 1\] must rise from 0"),
+        (lambda: Problem.from_stacked(eye, np.zeros(2), np.zeros(2), [0, 2, 1, 2]), "must rise from 0"),
+        (lambda: Problem.from_stacked(eye, np.zeros(2), np.zeros(2), [0]), "must rise from 0"),
+        (lambda: Problem.from_stacked(eye, np.zeros(2), np.zeros(2), [0, 2], names=["a", "b"]), "2 names for 1 levels"),
+    ],
+)
+def test_each_error_says_what_is_wrong(make: object, text: str) -> None:
+    with pytest.raises(ProblemError, match=text) as error:
+        make()  # type: ignore[operator]
+    assert isinstance(error.value, HqpError)
+    assert isinstance(error.value, ValueError)
+
+
+def test_equal_bounds_make_an_equality_problem() -> None:
+    assert independent(0).is_equality
+    assert over_constrained(0).lower is not None
+    assert Problem([Level(eye, [1, 2], [1, 2])]).is_equality
+    assert not Problem([Level(eye, [1, 2], [1, 3])]).is_equality
