@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector, frame_name
+from hqp_rp.control._rotations import skew
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
@@ -60,9 +61,9 @@ class PointingTask(FeedbackTask):
             axis = [float(letter == axis) for letter in "xyz"]
         a = _direction(axis, f"the axis of {self._name!r}")
         # The frame's own axis nearest to perpendicular to a gives a basis that is well conditioned for every a.
-        first = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
+        first = skew(a) @ np.eye(3)[int(np.argmin(np.abs(a)))]
         first /= np.linalg.norm(first)
-        self._basis: FloatArray = np.stack((first, np.cross(a, first), a), axis=1)
+        self._basis: FloatArray = np.stack((first, skew(a) @ first, a), axis=1)
         self.direction = direction
         self.feedforward = feedforward
 

@@ -1,0 +1,321 @@
+"""Singular configurations of a stack on a robot, found by Newton's method from many starts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection, Iterator
+
+import numpy as np
+
+from hqp_rp.control._coordinates import coordinate_index, joint_positions
+from hqp_rp.control.stack import Stack
+from hqp_rp.core.diagnostics import Singularity, remaining, spectra, two_norm
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.solver import RANK_TOLERANCE
+from hqp_rp.robot.robot import Robot
+
+_DIFFERENCE = 1e-5  # rad, of central differences: error of order h^2 against rounding of order eps / h
+_LONGEST_STEP = 0.3  # rad, per joint and Newton step
+_HALVINGS = 6
+_SAMPLES_FOR_RANK = 8
+_TURN = math.pi  # rad or m around neutral, where a joint has no limit
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class SingularConfiguration:
+    """Where a level loses rank beside the levels before it. A_k (m, nv) are its rows, Z the null space of those before.
+
+    Attributes:
+        q: (nq,) the configuration.
+        level: index of the level, from 0. name: its name.
+        kind: `ALGORITHMIC` when A_k alone keeps full rank (equation (12)), else `KINEMATIC` or `BOTH`.
+        sigma: the singular value of A_k Z that vanishes, over ||A_k||_2.
+        own_sigma: the smallest singular value of A_k, over ||A_k||_2: distance to a kinematic singularity of this level.
+        earlier_sigma: the least such value of the levels before, alone and beside one another; inf for the first level.
+        task_direction: (m,) unit vector u: with the levels before it at rest, the level cannot move along u.
+        joint_direction: (nv,) unit vector in range(Z): the joint motion that moved the level along u and no longer does.
+        curvature: (c,) eigenvalues, in the unit of the rows per rad^2, of the second-order motion along u over the joint
+            motions of range(Z) that move nothing to first order; c = d - r + 1 for a level of rank r in d free
+            directions. All of one sign: u points to an edge, beyond which the level cannot be brought while those before
+            it rest. Both signs: a saddle, which can be passed. u is chosen so that their sum is <= 0. Empty where more
+            than one task direction is without motion (a level of more rows than it has freedom).
+        approach: (nv,) unit vector: the joint motion along which sigma grows fastest, alike to both sides.
+        approach_rate: 1/rad, how fast: sigma = approach_rate |s| at q + s approach, to first order; 0 where it does not.
+    """
+
+    q: FloatArray
+    level: int
+    name: str
+    kind: Singularity
+    sigma: float
+    own_sigma: float
+    earlier_sigma: float
+    task_direction: FloatArray
+    joint_direction: FloatArray
+    curvature: FloatArray
+    approach: FloatArray
+    approach_rate: float
+
+    @property
+    def is_edge(self) -> bool:
+        """Whether the curvature says that the level can be brought no further along `task_direction`."""
+        return bool(self.curvature.size) and bool((self.curvature < 0.0).all())
+
+
+def search_singularities(
+    robot: Robot,
+    stack: Stack,
+    *,
+    level: int | None = None,
+    kinds: Collection[Singularity] = (Singularity.ALGORITHMIC,),
+    starts: int = 64,
+    seed: int = 0,
+    tolerance: float = 1e-13,
+    clearance: float = 0.02,
+    separation: float = 0.05,
+    dt: float | None = None,
+) -> list[SingularConfiguration]:
+    """Singular configurations of `stack` within the joint limits of `robot`, in the order in which they are found.
+
+    Every start is drawn uniformly within the limits (within pi of neutral where there is none) and refined by
+    `refine_singularity`. Singular configurations come in families, of codimension d - r + 1 where a level of rank r has d
+    free directions: what is returned are points of them, `separation` apart, and no proof that there are no others. The
+    start number s depends on (seed, s) only.
+
+    Args:
+        robot: any `Robot`; it is moved about, and put back where it was.
+        stack: equality tasks only. level: index of one level, from 0; None searches every level.
+        kinds: what to return.
+        starts: starts per level, >= 1. seed: >= 0.
+        tolerance: sigma / ||A_k|| below which a level counts as singular, > 0.
+        clearance: least `earlier_sigma`, and for algorithmic singularities least `own_sigma`, of what is returned.
+        separation: rad or m, least distance between two that are returned, in the largest difference of a joint.
+        dt: s, for stacks that need it.
+
+    Raises:
+        SettingError: a level that the stack does not have, a setting out of its range, or a stack with limits, whose
+            rows bind only where they are reached.
+    """
+    _check(starts >= 1, "starts", starts, ">= 1")
+    _check(seed >= 0, "seed", seed, ">= 0")
+    for name, value in (("clearance", clearance), ("separation", separation)):
+        _check(value >= 0.0, name, value, ">= 0")
+    if level is not None:
+        _check_level(stack, level)
+    before = robot.q
+    found: list[SingularConfiguration] = []
+    try:
+        for k in range(len(stack.names)) if level is None else (level,):
+            if k == 0 and not {Singularity.KINEMATIC, Singularity.BOTH} & set(kinds):
+                continue  # nothing comes before the first level
+            for start in _starts(robot, starts, seed):
+                candidate = refine_singularity(robot, stack, start, k, tolerance=tolerance, dt=dt)
+                if (
+                    candidate is None
+                    or candidate.kind not in kinds
+                    or candidate.earlier_sigma < clearance
+                    or (candidate.kind is Singularity.ALGORITHMIC and candidate.own_sigma < clearance)
+                ):
+                    continue
+                if all(other.level != k or _apart(robot, other.q, candidate.q) >= separation for other in found):
+                    found.append(candidate)
+    finally:
+        robot.update(before)
+    return found
+
+
+def refine_singularity(
+    robot: Robot,
+    stack: Stack,
+    q: FloatArray,
+    level: int,
+    *,
+    tolerance: float = 1e-13,
+    iterations: int = 40,
+    dt: float | None = None,
+) -> SingularConfiguration | None:
+    """The singular configuration that damped Newton steps reach from q (nq,), or None; within the joint limits.
+
+    Let r be the rank that A_k has beside the earlier rows A_e at most configurations, U and V what the singular vectors
+    of A_k Z from the r-th on span. Moving joint i changes U^T A_k Z V, to first order, by
+
+        [-U^T A_k A_e^+, U^T] (d[A_e; A_k]/dq_i) Z V
+
+    (Z turns with A_e: dZ = -A_e^+ dA_e Z up to a rotation within Z). Each step is the least one that makes the r-th
+    singular value vanish by it; it is cut to 0.3 rad per joint, halved until the singular value falls, and ends at the
+    limits. Arguments and errors as `search_singularities`; the robot is left at the last configuration tried.
+
+    Source: the derivative of singular subspaces, Stewart and Sun, Matrix Perturbation Theory, 1990, chapter V.
+    """
+    _check_level(stack, level)
+    _check(0.0 < tolerance < 1.0, "tolerance", tolerance, "in (0, 1)")
+    walk = _Walk(robot, stack, level, dt)
+    if walk.rank == 0:
+        return None  # no freedom is left to this level anywhere: it has nothing to lose
+    q = walk.within_limits(np.array(q, dtype=np.float64))
+    here = walk.split(q)
+    for _ in range(iterations):
+        if here.sigma <= tolerance:
+            break
+        change = walk.derivative(q, here)
+        wanted = np.zeros(change.shape[0])
+        wanted[0] = -here.sigma
+        step = np.linalg.lstsq(change, wanted, rcond=1e-9)[0]
+        longest = float(np.abs(step).max())
+        step *= min(1.0, _LONGEST_STEP / longest) if longest > 0.0 else 1.0
+        for halving in range(_HALVINGS):
+            moved = walk.within_limits(robot.integrate(q, step, 0.5**halving))
+            there = walk.split(moved)
+            if there.sigma < (1.0 - 0.1 * 0.5**halving) * here.sigma:
+                q, here = moved, there
+                break
+        else:
+            return None
+    return walk.judge(q, here, tolerance) if here.sigma <= tolerance else None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Split:
+    """The level at one configuration, by its r-th singular value beside the earlier rows.
+
+    sigma: over ||A_k||. norm: ||A_k||. left: (m, m - r + 1), right: (nv, d - r + 1), the singular vectors from the r-th
+    on. rows: (M, nv), the earlier levels and this one; own: (m, nv), this one.
+    """
+
+    sigma: float
+    norm: float
+    left: FloatArray
+    right: FloatArray
+    rows: FloatArray
+    own: FloatArray
+
+
+class _Walk:
+    """One level of a stack on a robot that moves from configuration to configuration."""
+
+    def __init__(self, robot: Robot, stack: Stack, level: int, dt: float | None) -> None:
+        self._robot, self._stack, self._level, self._dt = robot, stack, level, dt
+        self._index = coordinate_index(robot, "the search for singularities")
+        self.rank = max(self._rank_at(q) for q in _starts(robot, _SAMPLES_FOR_RANK, 0))
+
+    def _rank_at(self, q: FloatArray) -> int:
+        self._robot.update(q)
+        problem = self._stack.problem(self._robot, self._dt)
+        if not problem.is_equality:
+            raise SettingError(
+                f"{self._stack!r} holds limits, whose rows bind only where they are reached; give the tasks alone."
+            )
+        return spectra(problem)[self._level].rank
+
+    def within_limits(self, q: FloatArray) -> FloatArray:
+        return _within_limits(self._robot, q, self._index)
+
+    def _rows(self, q: FloatArray) -> tuple[FloatArray, IntArray]:
+        self._robot.update(q)
+        problem = self._stack.problem(self._robot, self._dt)
+        offsets = problem.offsets[: self._level + 2]
+        return problem.matrix[: offsets[-1]], offsets
+
+    def split(self, q: FloatArray) -> _Split:
+        rows, offsets = self._rows(q)
+        Z: FloatArray | None = None
+        for first, last in zip(offsets[:-2], offsets[1:-1], strict=True):
+            Z = remaining(rows[first:last], Z, RANK_TOLERANCE)[1]
+        own = rows[offsets[-2] :]
+        norm = two_norm(own)
+        if Z is None:
+            Z = np.eye(rows.shape[1])
+        if norm == 0.0 or min(len(own), Z.shape[1]) < self.rank:
+            # Rows of zeros, or earlier rows that took a direction more than elsewhere.
+            return _Split(0.0, norm, np.eye(len(own))[:, :1], Z[:, :1], rows, own)
+        left, sigma, right = np.linalg.svd(own @ Z)
+        r = self.rank - 1
+        return _Split(float(sigma[r]) / norm, norm, left[:, r:], Z @ right[r:].T, rows, own)
+
+    def derivative(self, q: FloatArray, at: _Split) -> FloatArray:
+        """(c, nv) change of U^T A_k Z V / ||A_k||, row by row, per velocity; its first entry is the singular value's."""
+        earlier = at.rows[: len(at.rows) - len(at.own)]
+        weights = at.left.T
+        if len(earlier):
+            on_earlier = np.linalg.lstsq(earlier.T, at.own.T @ at.left, rcond=RANK_TOLERANCE)[0].T
+            weights = np.hstack([-on_earlier, weights])
+        columns = []
+        for axis in np.eye(self._robot.nv):
+            ahead = self._rows(self._robot.integrate(q, axis, _DIFFERENCE))[0]
+            behind = self._rows(self._robot.integrate(q, axis, -_DIFFERENCE))[0]
+            columns.append((weights @ (ahead - behind) @ at.right).ravel() / (2.0 * _DIFFERENCE * at.norm))
+        return np.stack(columns, axis=1)
+
+    def judge(self, q: FloatArray, at: _Split, tolerance: float) -> SingularConfiguration:
+        curvature, sign = np.empty(0), 1.0
+        change = self.derivative(q, at) if at.norm > 0.0 else np.zeros((1, self._robot.nv))
+        _, growth, directions = np.linalg.svd(change)
+        if at.left.shape[1] == 1 and at.norm > 0.0:
+            # Along the joint motion v that moves nothing, the level moves by v^T H v / 2 along u.
+            H = at.norm * change @ at.right
+            curvature = np.linalg.eigvalsh(0.5 * (H + H.T))
+            if curvature.sum() > 0.0:
+                curvature, sign = -curvature[::-1], -1.0
+        self._robot.update(q)
+        problem = self._stack.problem(self._robot, self._dt)
+        judged = spectra(problem, max(RANK_TOLERANCE, 10.0 * tolerance))
+        own_sigma, earlier_sigma = 0.0, math.inf
+        for k, A in enumerate(level.A for level in problem.levels[: self._level + 1]):
+            norm = two_norm(A)
+            alone = float(np.linalg.svd(A, compute_uv=False)[-1]) / norm if norm else 0.0
+            if k == self._level:
+                own_sigma = alone
+            else:
+                earlier_sigma = min(earlier_sigma, alone, judged[k].sigma_min / norm if norm else 0.0)
+        return SingularConfiguration(
+            q=q,
+            level=self._level,
+            name=problem.names[self._level],
+            kind=judged[self._level].singularity,
+            sigma=at.sigma,
+            own_sigma=own_sigma,
+            earlier_sigma=earlier_sigma,
+            task_direction=sign * at.left[:, 0],
+            joint_direction=at.right[:, 0],
+            curvature=curvature,
+            approach=directions[0],
+            approach_rate=float(growth[0]),
+        )
+
+
+def _starts(robot: Robot, count: int, seed: int) -> Iterator[FloatArray]:
+    """Configurations drawn within the limits; the s-th depends on (seed, s) only."""
+    index = coordinate_index(robot, "the search for singularities")
+    neutral = joint_positions(robot.neutral, index)
+    lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(neutral, robot.upper) - _TURN)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(neutral, robot.lower) + _TURN)
+    for s in range(count):
+        positions = np.random.default_rng((seed, s)).uniform(lower, upper)
+        yield _within_limits(robot, robot.integrate(robot.neutral, positions - neutral, 1.0), index)
+
+
+def _within_limits(robot: Robot, q: FloatArray, index: IntArray | None) -> FloatArray:
+    q = q.copy()
+    if index is None:
+        return np.clip(q, robot.lower, robot.upper)
+    own = index >= 0
+    q[index[own]] = np.clip(q[index[own]], robot.lower[own], robot.upper[own])
+    return q
+
+
+def _apart(robot: Robot, first: FloatArray, second: FloatArray) -> float:
+    return float(np.abs(robot.difference(first, second)).max())
+
+
+def _check_level(stack: Stack, level: int) -> None:
+    last = len(stack.names) - 1
+    _check(
+        isinstance(level, int) and 0 <= level <= last, "level", level, f"an index of the stack's levels, 0 to {last}"
+    )
+
+
+def _check(allowed: bool, name: str, value: object, sign: str) -> None:
+    if not allowed:
+        raise SettingError(f"{name} is {value!r}; it must be {sign}.")
