@@ -31,6 +31,8 @@ _LEVEL = pl.Struct(
         "rank": pl.Int64,
         "own_rank": pl.Int64,
         "rows": pl.Int64,
+        "before": pl.Int64,
+        "unknowns": pl.Int64,
         "sigma_min": pl.Float64,
         "singularity": pl.String,
     }
@@ -129,6 +131,8 @@ def _levels(step: Step, proof: Certificate | None, optimal: FloatArray) -> list[
             "rank": found[k].rank,
             "own_rank": found[k].own_rank,
             "rows": rows[k],
+            "before": int(problem.offsets[k]),
+            "unknowns": problem.n,
             "sigma_min": found[k].sigma_min,
             "singularity": found[k].singularity.name,
         }

@@ -1,0 +1,166 @@
+"""Charts drawn by plotly, for the page that opens offline."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.offline import get_plotlyjs
+from plotly.subplots import make_subplots
+
+from hqp_rp.compare.chart import Chart, Dots, Lines, Style
+from hqp_rp.core.problem import FloatArray
+
+_GREY = "#666666"
+_GRID = "#e4e4e4"
+
+
+def script() -> str:
+    """plotly.js, to be put into the page once."""
+    return str(get_plotlyjs())
+
+
+def html(chart: Chart, styles: dict[str, Style]) -> str:
+    """The chart as a piece of a page that holds `script()`."""
+    figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
+    figure.update_layout(
+        template="plotly_white",
+        font={"family": "system-ui, sans-serif", "size": 12},
+        hoverlabel={"namelength": -1},
+        paper_bgcolor="rgba(0,0,0,0)",
+    )
+    return str(
+        figure.to_html(
+            full_html=False, include_plotlyjs=False, div_id=chart.name, config={"displaylogo": False, "responsive": True}
+        )
+    )
+
+
+def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
+    rows, columns = len(chart.rows), len(chart.columns)
+    height = 70 + 185 * rows
+    figure = make_subplots(
+        rows=rows,
+        cols=columns,
+        shared_xaxes=True,
+        shared_yaxes=True,
+        column_titles=list(chart.columns),
+        vertical_spacing=0.02,
+        horizontal_spacing=0.012,
+    )
+    seen: set[str] = set()
+    for r, panels in enumerate(chart.panels):
+        for c, lines in enumerate(panels):
+            for line in sorted(lines, key=lambda line: styles[line.label].rank):
+                for trace in _traces(chart, r, line.label, line, styles[line.label], len(lines)):
+                    if line.label not in seen and trace.name:
+                        trace.showlegend = True
+                        if not any(other in seen for other in _labels(chart, c)):
+                            trace.legendgrouptitle = {"text": f"<b>{chart.columns[c]}</b>"}
+                        seen.add(line.label)
+                    figure.add_trace(trace, row=r + 1, col=c + 1)
+        low, high = chart.limits(r)
+        scale = {"type": "log", "range": [math.log10(low), math.log10(high)]} if chart.log_y[r] else {"range": [low, high]}
+        figure.update_yaxes(exponentformat="power", gridcolor=_GRID, zeroline=False, row=r + 1, **scale)
+        figure.update_yaxes(title_text=chart.rows[r].replace("\n", "<br>"), row=r + 1, col=1)
+    figure.update_xaxes(gridcolor=_GRID, zeroline=False, showgrid=True)
+    if chart.log_x:
+        figure.update_xaxes(type="log", exponentformat="power", dtick=2)
+    if chart.reverse_x:
+        figure.update_xaxes(autorange="reversed")
+    figure.update_xaxes(title_text=chart.x_label, title_font={"size": 11}, row=rows)
+    for at, words in chart.marks:
+        figure.add_vline(x=at, line={"color": _GREY, "width": 1, "dash": "dot"})
+        figure.add_annotation(
+            x=math.log10(at) if chart.log_x else at, xref="x", y=1.0, yref="y domain", text=words, showarrow=False,
+            font={"size": 10, "color": _GREY}, xanchor="right", yanchor="top",
+        )  # fmt: skip
+    figure.update_layout(
+        height=height,
+        margin={"l": 70, "r": 10, "t": 30, "b": 50},
+        legend={"tracegroupgap": 2, "groupclick": "togglegroup", "font": {"size": 11}},
+    )
+    return figure
+
+
+def _labels(chart: Lines, column: int) -> set[str]:
+    return {line.label for panels in chart.panels for line in panels[column]}
+
+
+def _traces(chart: Lines, row: int, label: str, line: Any, style: Style, count: int) -> list[Any]:
+    look = {"color": style.colour, "dash": style.dash, "width": 1.3 + 0.7 * max(count - 1 - style.rank, 0)}
+    common = {"mode": "lines", "legendgroup": label, "showlegend": False}
+    traces = []
+    if line.sure is not None:
+        traces.append(
+            go.Scatter(
+                x=_short(line.x), y=_short(chart.drawn(row, line.y)), line=look, opacity=0.4, hoverinfo="skip", **common
+            )
+        )
+    words = f"<b>{label}</b><br>%{{x:.3g}}: %{{customdata:.3g}}<extra></extra>"
+    if line.sure is not None and not np.isfinite(line.certain()).any():  # still in the legend and under the pointer
+        look = {**look, "width": 0.1}
+        y = line.y
+    else:
+        y = line.certain()
+    traces.append(
+        go.Scatter(
+            x=_short(line.x),
+            y=_short(chart.drawn(row, y)),
+            customdata=_short(line.y),
+            name=label,
+            line=look,
+            hovertemplate=words,
+            connectgaps=False,
+            **common,
+        )
+    )
+    return traces
+
+
+def _dots(chart: Dots, styles: dict[str, Style]) -> Any:
+    labels = chart.labels
+    figure = make_subplots(rows=1, cols=len(chart.columns), shared_yaxes=True, horizontal_spacing=0.02,
+                           column_titles=list(chart.columns))  # fmt: skip
+    for c, values in enumerate(chart.values):
+        for label in labels:
+            if label not in values or not len(values[label]):
+                continue
+            drawn = chart.place(values[label])
+            words = [f"{v:.3g}" if np.isfinite(v) else chart.absent for v in values[label]]
+            figure.add_trace(
+                go.Scatter(
+                    x=_short(drawn), y=[label] * len(drawn), mode="markers", name=label, showlegend=False, text=words,
+                    marker={"color": styles[label].colour, "size": 6, "opacity": 0.6},
+                    hovertemplate="<b>%{y}</b>: %{text}<extra></extra>",
+                ), row=1, col=c + 1,
+            )  # fmt: skip
+            middle = chart.middle(values[label])
+            finite = bool(np.isfinite(middle))
+            figure.add_trace(
+                go.Scatter(
+                    x=[middle if finite else chart.absent_at], y=[label], mode="markers", showlegend=False,
+                    text=[f"{middle:.3g}" if finite else chart.absent],
+                    marker={"color": styles[label].colour, "size": 12, "symbol": "circle" if finite else "circle-open",
+                            "line": {"width": 2, "color": styles[label].colour}},
+                    hovertemplate="<b>%{y}</b>, median: %{text}<extra></extra>",
+                ), row=1, col=c + 1,
+            )  # fmt: skip
+        figure.add_annotation(
+            x=math.log10(chart.absent_at) if chart.log_x else chart.absent_at, y=1.0, yref="y domain", row=1, col=c + 1,
+            text=chart.absent, showarrow=False, yanchor="bottom", font={"size": 10, "color": _GREY},
+        )  # fmt: skip
+    limits = [math.log10(v) for v in chart.limits] if chart.log_x else list(chart.limits)
+    figure.update_xaxes(range=limits, gridcolor=_GRID, title_text=chart.x_label, zeroline=False,
+                        **({"type": "log", "exponentformat": "power", "dtick": 2} if chart.log_x else {}))  # fmt: skip
+    figure.update_yaxes(categoryorder="array", categoryarray=labels[::-1], gridcolor=_GRID,
+                        range=[-0.7, len(labels) - 0.3])  # fmt: skip
+    figure.update_layout(height=110 + 24 * len(labels), margin={"l": 150, "r": 10, "t": 40, "b": 50})
+    return figure
+
+
+def _short(values: FloatArray) -> list[float | None]:
+    """Five significant digits are more than a screen shows; nan is a gap."""
+    return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]

@@ -1,0 +1,171 @@
+"""Charts drawn by matplotlib, for the written report."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+
+from hqp_rp.compare.chart import Chart, Dots, Lines, Style
+
+_DASH: dict[str, Any] = {"solid": "-", "dash": (0, (4, 1.5)), "dot": (0, (1, 1.5))}
+_GREY = "#666666"
+
+
+def png(chart: Chart, styles: dict[str, Style]) -> bytes:
+    """The chart as a PNG file; the same data gives the same bytes."""
+    figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _lines(chart: Lines, styles: dict[str, Style]) -> Figure:
+    columns, rows = len(chart.columns), len(chart.rows)
+    labels = [sorted({line.label: None for row in chart.panels for line in row[c]}, key=_rank(styles)) for c in range(columns)]
+    key = 0.165 * max(map(len, labels)) + 0.35
+    width, height = 0.9 + 3.1 * columns, 0.45 + key + 1.75 * rows + 0.6
+    figure = Figure(figsize=(width, height), facecolor="white")
+    grid = figure.subplots(rows, columns, sharex=True, sharey="row", squeeze=False)
+    left, bottom = 0.85 / width, 0.6 / height
+    top = 1.0 - (0.45 + key) / height
+    figure.subplots_adjust(left=left, right=1.0 - 0.15 / width, bottom=bottom, top=top, wspace=0.06, hspace=0.1)
+    figure.text(left, 1.0 - 0.3 / height, chart.title, fontsize=12, fontweight="bold")
+    for c, title in enumerate(chart.columns):
+        box = grid[0, c].get_position()
+        handles = [_handle(styles[label], label) for label in labels[c]]
+        figure.legend(
+            handles=handles,
+            loc="lower left",
+            bbox_to_anchor=(box.x0 - 0.05 / width, top + 0.03 / height),
+            title=title,
+            title_fontproperties={"size": 9, "weight": "bold"},
+            alignment="left",
+            fontsize=8.5,
+            frameon=False,
+            handlelength=1.8,
+            labelspacing=0.25,
+            borderpad=0.1,
+        )
+        for r in range(rows):
+            _panel(grid[r, c], chart, r, c, styles)
+    for r, label in enumerate(chart.rows):
+        grid[r, 0].set_ylabel(label, fontsize=9)
+    for axes in grid[-1]:
+        axes.set_xlabel(chart.x_label, fontsize=8.5)
+    return figure
+
+
+def _rank(styles: dict[str, Style]) -> Any:
+    return lambda label: styles[label].rank
+
+
+def _width(style: Style, count: int) -> float:
+    """Wide under narrow: of curves that lie on each other, every one stays visible."""
+    return 1.1 + 0.75 * (count - 1 - min(style.rank, count - 1))
+
+
+def _handle(style: Style, label: str) -> Line2D:
+    return Line2D([], [], color=style.colour, linestyle=_DASH[style.dash], linewidth=2.2, label=label)
+
+
+def _panel(axes: Axes, chart: Lines, r: int, c: int, styles: dict[str, Style]) -> None:
+    lines = sorted(chart.panels[r][c], key=lambda line: styles[line.label].rank)
+    count = 1 + max((styles[line.label].rank for line in lines), default=0)
+    for line in lines:
+        style = styles[line.label]
+        if line.low is not None and line.high is not None:
+            axes.fill_between(
+                line.x, chart.drawn(r, line.low), chart.drawn(r, line.high), color=style.colour, alpha=0.06, linewidth=0
+            )
+        look = {"color": style.colour, "linestyle": _DASH[style.dash], "linewidth": _width(style, count)}
+        if line.sure is not None:
+            axes.plot(line.x, chart.drawn(r, line.y), alpha=0.4, solid_capstyle="butt", **look)
+        axes.plot(line.x, chart.drawn(r, line.certain()), solid_capstyle="butt", **look)
+    if chart.log_x:
+        axes.set_xscale("log")
+    if chart.log_y[r]:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(numticks=7))
+        axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_ylim(*chart.limits(r))
+    if chart.log_x:
+        axes.xaxis.set_major_locator(LogLocator(numticks=8))
+        axes.xaxis.set_minor_locator(NullLocator())
+    if chart.reverse_x and not axes.xaxis_inverted():
+        axes.invert_xaxis()
+    for at, words in chart.marks:
+        axes.axvline(at, color=_GREY, linewidth=0.8, linestyle=":")
+        if r == 0 and words:
+            axes.annotate(words, (at, 1.0), (2, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
+                          fontsize=7, color=_GREY, va="top")  # fmt: skip
+    axes.grid(True, which="major", color="#e4e4e4", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8, color=_GREY)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def _dots(chart: Dots, styles: dict[str, Style]) -> Figure:
+    labels, columns = chart.labels, len(chart.columns)
+    places = _row_places(chart)
+    widest = max((len(label) for label in labels), default=10)
+    margin = 0.3 + 0.075 * widest
+    width, height = margin + 4.2 * columns + 0.3, 1.5 + 0.24 * (max(places.values(), default=0.0) + 1)
+    figure = Figure(figsize=(width, height), facecolor="white")
+    grid = figure.subplots(1, columns, sharey=True, squeeze=False)[0]
+    figure.subplots_adjust(
+        left=margin / width, right=1.0 - 0.25 / width, top=1.0 - 0.8 / height, bottom=0.65 / height, wspace=0.08
+    )
+    figure.text(0.2 / width, 1.0 - 0.32 / height, chart.title, fontsize=12, fontweight="bold")
+    for axes, title, values in zip(grid, chart.columns, chart.values, strict=True):
+        axes.set_title(title, fontsize=10, loc="left")
+        for label in labels:
+            if label not in values or not len(values[label]):
+                axes.text(0.5, places[label], "no answer", transform=axes.get_yaxis_transform(), fontsize=7.5,
+                          color=_GREY, ha="center", va="center")  # fmt: skip
+                continue
+            _row(axes, chart, places[label], values[label], styles[label].colour)
+        if chart.log_x:
+            axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(numticks=9))
+            axes.xaxis.set_minor_locator(NullLocator())
+        axes.set_xlim(*chart.limits)
+        axes.axvspan(chart.absent_from, chart.limits[1], color="#f3f3f3", linewidth=0, zorder=0)
+        axes.annotate(chart.absent, (chart.absent_at, 1.0), (0, 3), xycoords=("data", "axes fraction"),
+                      textcoords="offset points", fontsize=8, color=_GREY, ha="center")  # fmt: skip
+        axes.set_xlabel(chart.x_label, fontsize=9)
+        axes.grid(True, color="#e4e4e4", linewidth=0.6)
+        axes.set_axisbelow(True)
+        axes.tick_params(labelsize=8, color=_GREY, length=2)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+    grid[0].set_ylim(max(places.values(), default=0.0) + 0.8, -0.8)
+    grid[0].set_yticks([places[label] for label in labels], labels, fontsize=8.5)
+    return figure
+
+
+def _row(axes: Axes, chart: Dots, place: float, values: Any, colour: str) -> None:
+    drawn = chart.place(values)
+    middle = chart.middle(values)
+    axes.plot([drawn.min(), drawn.max()], [place, place], color=colour, linewidth=1.2, alpha=0.5)
+    axes.plot(drawn, np.full(len(drawn), place), "o", color=colour, markersize=3.5, alpha=0.6, markeredgewidth=0)
+    finite = bool(np.isfinite(middle))
+    axes.plot([middle if finite else chart.absent_at], [place], "o", color=colour, markersize=7.5,
+              markerfacecolor=colour if finite else "white", markeredgewidth=1.5)  # fmt: skip
+
+
+def _row_places(chart: Dots) -> dict[str, float]:
+    """Label -> height: one unit a row, half a unit between groups."""
+    places, at = {}, 0.0
+    for _, labels in chart.groups:
+        for label in labels:
+            places[label] = at
+            at += 1.0
+        at += 0.6
+    return places

@@ -1,0 +1,325 @@
+"""The charts of a comparison, built from its data frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+
+from hqp_rp.compare.chart import Chart, Dots, Line, Lines, thinned
+from hqp_rp.compare.contestants import GROUPS, Contestant
+from hqp_rp.compare.metrics import parting_frame
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.scenarios.scenario import Scenario
+
+ERROR_FLOOR, ERROR_CEILING = 1e-17, 1e8
+NORM_FLOOR, NORM_CEILING = 1e-4, 1e14
+PARTING = 1e-6
+"""A solver has left the optimum when |x - x*| / |x*| exceeds this."""
+
+
+def grouped(contestants: Sequence[Contestant]) -> list[tuple[str, list[str]]]:
+    """(group, labels), in the order of `GROUPS`, groups without a contestant left out."""
+    found = [(group, [item.label for item in contestants if item.group == group]) for group in GROUPS]
+    return [(group, labels) for group, labels in found if labels]
+
+
+def scenario_charts(
+    scenario: Scenario, contestants: Sequence[Contestant], steps: pl.DataFrame, levels: pl.DataFrame, measured: pl.DataFrame
+) -> list[Chart]:
+    """Every chart of one scenario; the frames may hold other scenarios too."""
+    name = type(scenario).name
+    steps, levels, measured = (frame.filter(pl.col("scenario") == name) for frame in (steps, levels, measured))
+    charts: list[Chart] = []
+    for case in steps["case"].unique(maintain_order=True).to_list():
+        of_case = [frame.filter(pl.col("case") == case) for frame in (steps, levels, measured)]
+        if scenario.log_abscissa:
+            charts.append(_family(scenario, case, contestants, *of_case[:2]))
+        else:
+            charts.append(_against_sigma(scenario, case, contestants, *of_case[:2]))
+            charts.append(_path(scenario, case, contestants, *of_case[:2]))
+            if of_case[2].height:
+                charts.append(_measured(scenario, case, contestants, of_case[2]))
+    charts.append(_parting(scenario, contestants, steps))
+    return [chart for chart in charts if not isinstance(chart, Lines) or any(map(any, chart.panels))]
+
+
+def _family(
+    scenario: Scenario, case: str, contestants: Sequence[Contestant], steps: pl.DataFrame, levels: pl.DataFrame
+) -> Lines:
+    """Errors and |x| against the distance, the median of the seeds and the range between them."""
+    names = _level_names(levels)
+    tables = [
+        levels.filter(pl.col("level") == k + 1).select(
+            "contestant", "parameter", pl.col("excess").alias("y"), "uncertainty"
+        )
+        for k in range(len(names))
+    ]
+    tables.append(steps.select("contestant", "parameter", pl.col("x_norm").alias("y")))
+    rows = [f"{name}\nexcess error" for name in names] + ["|x|"]
+    return _grid(
+        scenario,
+        case,
+        contestants,
+        kind="error-against-distance",
+        title="Error of each level against the distance to the singularity",
+        caption="Excess error: what level k's residual has above what the levels before it allow, in the unit of the task; "
+        f"zero is drawn at {ERROR_FLOOR:g}, and what rounding alone explains is pale. Lines are medians over the seeds, "
+        "bands the range between them. |x| is the size of the answer. Curves that lie on each other are drawn wide under "
+        "narrow.",
+        x_label=scenario.abscissa,
+        rows=rows,
+        panels=[_spread(table, contestants) for table in tables],
+        log_x=True,
+        reverse_x=True,
+        marks=_cut(levels),
+    )
+
+
+def _cut(levels: pl.DataFrame) -> tuple[tuple[float, str], ...]:
+    """The largest distance at which most seeds have lost a direction by the rank rule."""
+    lost = (
+        levels.group_by("parameter", "seed")
+        .agg((pl.col("rank") < pl.col("own_rank")).filter(pl.col("rows") <= pl.col("unknowns") - pl.col("before")).any().alias("lost"))
+        .group_by("parameter")
+        .agg(pl.col("lost").mean())
+        .filter(pl.col("lost") > 0.5)
+    )  # fmt: skip
+    return () if not lost.height else ((float(np.max(_array(lost["parameter"]))), "rank rule cuts"),)
+
+
+def _against_sigma(
+    scenario: Scenario, case: str, contestants: Sequence[Contestant], steps: pl.DataFrame, levels: pl.DataFrame
+) -> Lines:
+    """The largest error and |x| seen at each distance, where the distance is sigma_min of the projected level."""
+    sigma = _distance_to_singularity(levels)
+    names = _level_names(levels)
+    tables = [
+        levels.filter(pl.col("level") == k + 1)
+        .join(sigma, on=["contestant", "seed", "step"])
+        .select("contestant", "sigma", pl.col("excess").alias("y"))
+        for k in range(len(names))
+    ]
+    tables.append(
+        steps.join(sigma, on=["contestant", "seed", "step"]).select("contestant", "sigma", pl.col("x_norm").alias("y"))
+    )
+    return _grid(
+        scenario,
+        case,
+        contestants,
+        kind="error-against-distance",
+        title="Largest error at each distance from the singularity",
+        caption="The distance is the smallest singular value of a level's rows in the null space of the levels before it, "
+        "over the levels whose rows fit there; the largest value in each quarter of a decade is drawn, over all seeds. "
+        f"Excess error as everywhere; zero is drawn at {ERROR_FLOOR:g}.",
+        x_label="smallest sigma of a projected level",
+        rows=[f"{name}\nexcess error" for name in names] + ["|x|"],
+        panels=[_largest(table, contestants) for table in tables],
+        log_x=True,
+        reverse_x=True,
+    )
+
+
+def _path(
+    scenario: Scenario, case: str, contestants: Sequence[Contestant], steps: pl.DataFrame, levels: pl.DataFrame
+) -> Lines:
+    """Errors, |x| and sigma along the path of the first seed."""
+    first = pl.col("seed") == steps["seed"].min()
+    names = _level_names(levels)
+    tables = [
+        levels.filter(first & (pl.col("level") == k + 1)).select(
+            "contestant", "parameter", pl.col("excess").alias("y"), "uncertainty"
+        )
+        for k in range(len(names))
+    ]
+    tables.append(steps.filter(first).select("contestant", "parameter", pl.col("x_norm").alias("y")))
+    keys = ["contestant", "seed", "step"]
+    sigma = _distance_to_singularity(levels).join(steps.select(*keys, "parameter"), on=keys)
+    tables.append(sigma.filter(first).select("contestant", "parameter", pl.col("sigma").alias("y")))
+    return _grid(
+        scenario,
+        case,
+        contestants,
+        kind="path",
+        title="Errors and size of the answer along the path",
+        caption="The first seed. Excess error in the unit of the task, pale where rounding alone explains it; |x| is the size of the answer (of the joint "
+        "velocity, where x is one); sigma is the distance to the singularity that this solver's own motion kept.",
+        x_label=scenario.abscissa,
+        rows=[f"{name}\nexcess error" for name in names] + ["|x|", "sigma"],
+        panels=[_curves(table, contestants) for table in tables],
+    )
+
+
+def _measured(scenario: Scenario, case: str, contestants: Sequence[Contestant], measured: pl.DataFrame) -> Lines:
+    """What only the scenario could measure, along the path of the first seed."""
+    first = measured.filter(pl.col("seed") == measured["seed"].min())
+    names = first["quantity"].unique(maintain_order=True).to_list()
+    tables = [
+        first.filter(pl.col("quantity") == name).select("contestant", "parameter", pl.col("value").alias("y"))
+        for name in names
+    ]
+    log = [bool((table["y"].drop_nulls() >= 0.0).all()) for table in tables]
+    return _grid(
+        scenario,
+        case,
+        contestants,
+        kind="measured",
+        title="What the simulation measured along the path",
+        caption="The first seed, in the units that the labels name.",
+        x_label=scenario.abscissa,
+        rows=[_broken(name) for name in names],
+        panels=[_curves(table, contestants) for table in tables],
+        log_y=log,
+    )
+
+
+def _parting(scenario: Scenario, contestants: Sequence[Contestant], steps: pl.DataFrame) -> Dots:
+    """Where each solver first leaves the optimum."""
+    frame = parting_frame(steps, PARTING).filter(pl.col("measured"))
+    cases = steps["case"].unique(maintain_order=True).to_list()
+    values = []
+    for case in cases:
+        of_case = frame.filter(pl.col("case") == case)
+        parted = {
+            str(label): of_case.filter(pl.col("contestant") == label)["parts_at"].cast(pl.Float64).to_numpy()
+            for label in of_case["contestant"].unique(maintain_order=True)
+        }
+        values.append({label: np.array(v, dtype=np.float64) for label, v in parted.items()})
+    name = type(scenario).name
+    return Dots(
+        name=f"{name}-parting".replace("_", "-"),
+        title="Where each solver leaves the lexicographic optimum",
+        caption=f"The first step of the path whose |x - x*| / |x*| exceeds {PARTING:g}: a small dot for each seed, a large "
+        "one for their median; further right is better. Steps on which the rank itself is ambiguous are not counted.",
+        x_label=scenario.abscissa,
+        columns=tuple(case or _words(name) for case in cases),
+        groups=tuple((group, tuple(labels)) for group, labels in grouped(contestants)),
+        values=tuple(values),
+        log_x=scenario.log_abscissa,
+        reverse_x=scenario.log_abscissa,
+    )
+
+
+Panels = list[tuple[Line, ...]]
+
+
+def _grid(
+    scenario: Scenario,
+    case: str,
+    contestants: Sequence[Contestant],
+    *,
+    kind: str,
+    title: str,
+    caption: str,
+    x_label: str,
+    rows: Sequence[str],
+    panels: Sequence[dict[str, Line]],
+    log_x: bool = False,
+    reverse_x: bool = False,
+    log_y: Sequence[bool] | None = None,
+    marks: tuple[tuple[float, str], ...] = (),
+) -> Lines:
+    name = type(scenario).name
+    groups = grouped(contestants)
+    slug = "-".join(part for part in (name, kind, case) if part).replace("_", "-").replace(" ", "-")
+    errors = [row.endswith("excess error") for row in rows]
+    return Lines(
+        name=slug,
+        title=f"{title} ({_words(name)}{', ' + case if case else ''})",
+        caption=caption,
+        x_label=x_label,
+        columns=tuple(group for group, _ in groups),
+        rows=tuple(rows),
+        panels=tuple(
+            tuple(tuple(row[label] for label in labels if label in row) for _, labels in groups) for row in panels
+        ),
+        log_x=log_x,
+        reverse_x=reverse_x,
+        log_y=tuple(log_y) if log_y is not None else (True,) * len(rows),
+        floor=tuple(ERROR_FLOOR if error else NORM_FLOOR if row == "|x|" else 1e-12 for row, error in zip(rows, errors, strict=True)),
+        ceiling=tuple(ERROR_CEILING if error else NORM_CEILING for error in errors),
+        marks=marks,
+    )  # fmt: skip
+
+
+def _spread(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str, Line]:
+    """Median, smallest and largest y over the seeds at each parameter."""
+    found = {}
+    sure = "uncertainty" in table.columns
+    together = (
+        table.drop_nulls()
+        .group_by("contestant", "parameter")
+        .agg(
+            pl.col("y").median().alias("middle"),
+            pl.col("y").min().alias("low"),
+            pl.col("y").max().alias("high"),
+            (pl.col("y").median() > pl.col("uncertainty").median() if sure else pl.lit(True)).alias("sure"),
+        )
+        .sort("parameter")
+    )
+    for label, part in _by_contestant(together, contestants):
+        curves = [_array(part[name]) for name in ("parameter", "middle", "low", "high")]
+        found[label] = Line(label, *curves, sure=part["sure"].to_numpy() if sure else None)
+    return found
+
+
+def _largest(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str, Line]:
+    """The largest y in each quarter of a decade of sigma."""
+    binned = (
+        table.drop_nulls()
+        .filter(pl.col("sigma") > 0.0)
+        .with_columns((pl.col("sigma").log10() * 4).floor().alias("bin"))
+        .group_by("contestant", "bin")
+        .agg(pl.col("y").max())
+        .with_columns((10.0 ** ((pl.col("bin") + 0.5) / 4)).alias("sigma"))
+        .sort("sigma")
+    )
+    return {
+        label: Line(label, _array(part["sigma"]), _array(part["y"]))
+        for label, part in _by_contestant(binned, contestants)
+    }
+
+
+def _curves(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str, Line]:
+    """y along the path, thinned without losing a peak."""
+    found = {}
+    for label, part in _by_contestant(table.drop_nulls(), contestants):
+        y = _array(part["y"])
+        chosen = thinned(y)
+        sure = (y > _array(part["uncertainty"]))[chosen] if "uncertainty" in part.columns else None
+        found[label] = Line(label, _array(part["parameter"])[chosen], y[chosen], sure=sure)
+    return found
+
+
+def _by_contestant(table: pl.DataFrame, contestants: Sequence[Contestant]) -> list[tuple[str, pl.DataFrame]]:
+    parts = [(item.label, table.filter(pl.col("contestant") == item.label)) for item in contestants]
+    return [(label, part) for label, part in parts if part.height]
+
+
+def _distance_to_singularity(levels: pl.DataFrame) -> pl.DataFrame:
+    """The smallest sigma_min below level 1, over the levels whose rows fit beside the ones before: (run, step, sigma)."""
+    keys = ["contestant", "seed", "step"]
+    fits = (pl.col("level") > 1) & (pl.col("rows") <= pl.col("unknowns") - pl.col("before"))
+    return levels.filter(fits).group_by(keys, maintain_order=True).agg(pl.col("sigma_min").min().alias("sigma"))
+
+
+def _level_names(levels: pl.DataFrame) -> list[str]:
+    return levels.group_by("level").agg(pl.col("name").first()).sort("level")["name"].to_list()
+
+
+def _array(series: pl.Series) -> FloatArray:
+    return series.cast(pl.Float64).to_numpy().astype(np.float64)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _broken(label: str) -> str:
+    """A long row label on two lines."""
+    words = label.split()
+    if len(label) <= 18 or len(words) < 2:
+        return label
+    cut = min(range(1, len(words)), key=lambda i: abs(len(" ".join(words[:i])) - len(" ".join(words[i:]))))
+    return " ".join(words[:cut]) + "\n" + " ".join(words[cut:])
