@@ -15,7 +15,7 @@ PYTEST_ARGS ?=
 .DELETE_ON_ERROR:
 SHELL := /bin/sh
 
-.PHONY: help setup report quick test coverage check lint types clean distclean
+.PHONY: help setup report quick test coverage check format lint imports types api-types clean distclean
 
 help:
 	@echo "make report   compare every solver on every scenario and write $(REPORT)/ (sets up $(VENV) when it is missing)"
@@ -38,7 +38,7 @@ quick: setup
 test: export OMP_NUM_THREADS ?= 1
 test: export OPENBLAS_NUM_THREADS ?= 1
 test: setup
-	$(BIN)/python -m pytest -n $(TEST_WORKERS) --maxprocesses 4 $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(TEST_WORKERS) --maxprocesses 4 --dist worksteal $(PYTEST_ARGS)
 
 # Without compilation, so that the lines of the kernels are seen; slow.
 coverage: export NUMBA_DISABLE_JIT = 1
@@ -48,15 +48,21 @@ coverage: setup
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 
-check: lint types
+check: format lint imports types api-types
+
+format: setup
+	$(BIN)/ruff format --check .
 
 lint: setup
-	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+
+imports: setup
 	$(BIN)/lint-imports
 
 types: setup
 	$(BIN)/mypy
+
+api-types: setup
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
 # .installed says what the environment was made from: the requirements (by content, since a checkout changes dates) and

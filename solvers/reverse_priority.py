@@ -56,5 +56,5 @@ class ReversePriority(ClosedForm):
 def _kernel(projector: bool, everywhere: bool) -> Kernel:
     from hqp_rp.core.kernels import reverse
 
-    run = reverse.reverse_priority_damped_everywhere if everywhere else reverse.reverse_priority
+    run: Kernel = reverse.reverse_priority_damped_everywhere if everywhere else reverse.reverse_priority
     return lambda *arguments: run(*arguments[:-1], projector, arguments[-1])
