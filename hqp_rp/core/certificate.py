@@ -198,7 +198,7 @@ class _Judge:
         excess, turned, multipliers = _removable(
             rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, self.rank_tolerance, self.drift
         )
-        uncertainty = residual * min(1.0, turned) + 4 * _EPS * (len(self.x) + level.m) * scale
+        uncertainty = turned + 4 * _EPS * (len(self.x) + level.m) * scale
         self._bind(rows, rows.equality | rows.violated)
         residual, excess, scale, uncertainty = (
             times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)
@@ -212,7 +212,7 @@ class _Judge:
             return 0.0, 0.0, 0.0
         gap = self.x - goal
         excess, turned, _ = _removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)
-        return excess, excess / size, min(1.0, turned * norm(gap) / size) + 8 * _EPS * len(gap)
+        return excess, excess / size, turned / size + 8 * _EPS * len(gap)
 
     def _bind(self, rows: _Rows, fixed: NDArray[np.bool_]) -> None:
         held = rows.A[fixed]
@@ -258,29 +258,33 @@ class _Rows:
 def _removable(
     A: FloatArray, v: FloatArray, Z: FloatArray, H: FloatArray, size: float, rank_tolerance: float, drift: float
 ) -> tuple[float, float, int]:
-    """The part of v that moves d = Z z with H d <= 0 remove through A d; its uncertainty over ||v||; multipliers > 0.
+    """The part of v that moves d = Z z with H d <= 0 remove through A d; its uncertainty; multipliers > 0.
 
     Without H it is the projection of v onto range(A Z). With H it is the same for the cone, where each move also costs
     `_STEP_COST * size * ||d||`: that keeps the metric finite in directions that A does not see.
     """
-    if min(A.shape) == 0 or Z.shape[1] == 0 or not v.any():
+    if min(A.shape) == 0 or Z.shape[1] == 0 or size == 0.0 or not v.any():
         return 0.0, 0.0, 0
     U, sigma, Vt = np.linalg.svd(A @ Z)
     normals = H @ Z @ Vt.T if len(H) else H
     if len(H):
         lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
         normals = normals[lengths > 1e-9]  # the others are fixed already
+    noise = drift + 8 * _EPS
     if not len(normals):
         rank = int((sigma > rank_tolerance * size).sum())
         if rank == 0:
             return 0.0, 0.0, 0
-        return norm(U[:, :rank].T @ v), (drift + 8 * _EPS) * size / float(sigma[rank - 1]), 0
+        return norm(U[:, :rank].T @ v), norm(v) * min(1.0, noise * size / float(sigma[rank - 1])), 0
     padded = np.zeros(Z.shape[1])
     padded[: len(sigma)] = sigma
     metric = 1.0 / np.hypot(padded, _STEP_COST * size)
     slope = np.zeros(Z.shape[1])
     slope[: len(sigma)] = sigma * (U.T @ v)[: len(sigma)]
     columns = (normals * metric).T
-    columns = columns / np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    weights, rest = nonnegative_least_squares(columns, -metric * slope)
-    return norm(rest), (drift + 8 * _EPS) / _STEP_COST, int((weights > 1e-9 * weights.max()).sum())
+    lengths = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    weights, rest = nonnegative_least_squares(columns / lengths, -metric * slope)
+    multipliers = weights / lengths
+    pulls = norm(v) + float(multipliers.sum()) / size
+    uncertainty = min(norm(v), pulls * noise / _STEP_COST)
+    return norm(rest), uncertainty, int((multipliers > 1e-9 * multipliers.max()).sum())

@@ -37,7 +37,8 @@ def nonnegative_least_squares(C: FloatArray, y: FloatArray) -> tuple[FloatArray,
             falling = best <= 0.0
             with np.errstate(divide="ignore", invalid="ignore"):
                 ratio = np.where(falling, old / (old - best), np.inf)
-            step = float(np.nanmin(ratio))
+            ratio[falling & (old <= best)] = 0.0  # 0 / 0: a column that enters with weight 0
+            step = float(ratio.min())
             moved = old + step * (best - old)
             moved[falling & (ratio <= step)] = 0.0
             w[:] = 0.0
