@@ -55,6 +55,8 @@ def truth(problem: Problem, secondary: ArrayLike | None = None, rank_rule: str |
     exactly; it is meant for small problems (up to about 10 unknowns). Its ranks are exact; a `rank_rule` given as a
     number then only decides whether the answer is marked `ambiguous`.
 
+    The working precision is set for the whole process while it runs: parallelize over processes, not threads.
+
     Args:
         problem: the problem.
         secondary: (n,) among all lexicographic optima the one nearest to this is returned; None means 0, the least norm.

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from mpmath import mp
 
 from hqp_rp import Level, Problem, ProblemError, SettingError, Truth, truth
+from hqp_rp.core.distance import orthogonal_cascade
 from hqp_rp.core.solver import RANK_TOLERANCE
 from tests.problems import (
     conditioned,
@@ -237,6 +238,22 @@ def test_thirty_unknowns() -> None:
     rule = truth(near_singular(1e-13, 0, 30, (10, 10)), rank_rule=RANK_TOLERANCE)
     assert rule.ranks[0] == 10
     assert rule.ranks[1] < 10
+
+
+@pytest.mark.parametrize("eps", [0.0, 1e-15, 1e-14, 1e-6, 1e-3])
+@pytest.mark.parametrize("rows", [(3, 3), (3, 3, 7), (4, 5, 3)])
+def test_rule_is_what_a_double_precision_svd_cascade_does(eps: float, rows: tuple[int, ...]) -> None:
+    """eps = 0: rows that are dependent up to rounding only, as those of a real arm. Exact arithmetic calls them
+    independent; the rule and every solver in double precision do not."""
+    for seed in range(3):
+        problem = near_singular(eps, seed, rows=rows)
+        answer = truth(problem, rank_rule=RANK_TOLERANCE)
+        x, _ = orthogonal_cascade(problem, np.zeros(7), RANK_TOLERANCE)
+        assert answer.x is not None
+        bound = 1e-13 / (eps if eps > RANK_TOLERANCE else 1.0) * (1 + np.linalg.norm(answer.x))
+        np.testing.assert_allclose(x, answer.x, rtol=0, atol=bound)
+        assert answer.ambiguous is (eps < RANK_TOLERANCE)
+        assert answer.ranks[1] == (0 if eps < RANK_TOLERANCE else min(rows[1], 7 - rows[0]))
 
 
 def test_method_is_said() -> None:
