@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, cast
 
 from hqp_rp.core.closed_form import ClosedForm, Kernel
 from hqp_rp.core.errors import unknown_name
@@ -56,5 +56,5 @@ class ReversePriority(ClosedForm):
 def _kernel(projector: bool, everywhere: bool) -> Kernel:
     from hqp_rp.core.kernels import reverse
 
-    run: Kernel = reverse.reverse_priority_damped_everywhere if everywhere else reverse.reverse_priority
+    run = cast(Kernel, reverse.reverse_priority_damped_everywhere if everywhere else reverse.reverse_priority)
     return lambda *arguments: run(*arguments[:-1], projector, arguments[-1])
