@@ -149,22 +149,14 @@ def _spectra(
             found.append(Spectrum(0, 0, math.inf, Singularity.NONE))
             continue
         scaled, exponent = normalised(rows)
-        own: NDArray[np.floating]
-        if Z is None:
-            _, own, Vt = np.linalg.svd(scaled)
-        else:
-            own = np.linalg.svd(scaled, compute_uv=False)
+        projected = scaled if Z is None else scaled @ Z
+        _, sigma, Vt = np.linalg.svd(projected)
+        own = sigma if Z is None else np.linalg.svd(scaled, compute_uv=False)
         cut = rank_tolerance * (float(own[0]) if rows is A else two_norm(np.ldexp(A, -exponent)))
         own_rank = int((own > cut).sum())
-        if Z is None:
-            rank, sigma_min = own_rank, float(own[-1])
-            Z = Vt[rank:].T
-        elif Z.shape[1] == 0:
-            rank, sigma_min = 0, 0.0
-        else:
-            _, sigma, Vt = np.linalg.svd(scaled @ Z)
-            rank, sigma_min = min(int((sigma > cut).sum()), own_rank), float(sigma[-1])
-            Z = Z @ Vt[rank:].T
+        rank = min(int((sigma > cut).sum()), own_rank)
+        sigma_min = float(sigma[-1]) if len(sigma) else 0.0
+        Z = Vt[rank:].T if Z is None else Z @ Vt[rank:].T
         found.append(
             Spectrum(rank, own_rank, times_power(sigma_min, exponent), Singularity.of(rank, own_rank, min(m, n)))
         )

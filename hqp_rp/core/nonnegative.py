@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.problem import FloatArray
@@ -29,6 +30,7 @@ def nonnegative_least_squares(C: FloatArray, y: FloatArray) -> tuple[FloatArray,
         if not pull[entering] > least:
             break
         passive[entering] = True
+        best: NDArray[np.floating] = np.zeros(0)
         for _ in range(k + 1):
             best = np.linalg.lstsq(C[:, passive], y, rcond=None)[0]
             if (best > 0.0).all():
