@@ -155,8 +155,8 @@ class Crossing(Scenario):
         """The references of that seed."""
         arm, (center, direction, axis) = self.arm(), self.crossing()
         steps, T = self.periods(), self.periods() * self.period
-        time = self.period * np.arange(steps + 1)
-        phase = math.pi * time / T
+        time = np.multiply(self.period, np.arange(steps + 1), dtype=np.float64)
+        phase: FloatArray = math.pi * time / T
         offset = np.zeros(arm.n) if seed == 0 else np.random.default_rng(seed).normal(scale=self.spread, size=arm.n)
         q = center + offset - self.reach * np.cos(phase)[:, None] * direction
         qd = self.reach * math.pi / T * np.sin(phase)[:, None] * direction

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 
 import numpy as np
 
-from hqp_rp.control._coordinates import coordinate_index, joint_positions
+from hqp_rp.control._coordinates import coordinate_index
+from hqp_rp.control._sampling import random_configurations, within_limits
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.diagnostics import Singularity, remaining, spectra, two_norm
 from hqp_rp.core.errors import SettingError
@@ -20,7 +22,6 @@ _DIFFERENCE = 1e-5  # rad, of central differences: error of order h^2 against ro
 _LONGEST_STEP = 0.3  # rad, per joint and Newton step
 _HALVINGS = 6
 _SAMPLES_FOR_RANK = 8
-_TURN = math.pi  # rad or m around neutral, where a joint has no limit
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -98,10 +99,13 @@ def search_singularities(
         SettingError: a level that the stack does not have, a setting out of its range, or a stack with limits, whose
             rows bind only where they are reached.
     """
-    _check(starts >= 1, "starts", starts, ">= 1")
-    _check(seed >= 0, "seed", seed, ">= 0")
+    _check(isinstance(starts, int) and starts >= 1, "starts", starts, "an integer of at least 1")
+    _check(isinstance(seed, int) and seed >= 0, "seed", seed, "an integer of at least 0")
     for name, value in (("clearance", clearance), ("separation", separation)):
-        _check(value >= 0.0, name, value, ">= 0")
+        _check(isinstance(value, int | float) and value >= 0.0, name, value, "a number >= 0")
+    kinds = tuple(kinds)
+    proper = all(isinstance(kind, Singularity) and kind is not Singularity.NONE for kind in kinds)
+    _check(bool(kinds) and proper, "kinds", kinds, "Singularity members other than NONE, at least one")
     if level is not None:
         _check_level(stack, level)
     before = robot.q
@@ -110,7 +114,7 @@ def search_singularities(
         for k in range(len(stack.names)) if level is None else (level,):
             if k == 0 and not {Singularity.KINEMATIC, Singularity.BOTH} & set(kinds):
                 continue  # nothing comes before the first level
-            for start in _starts(robot, starts, seed):
+            for start in random_configurations(robot, starts, seed):
                 candidate = refine_singularity(robot, stack, start, k, tolerance=tolerance, dt=dt)
                 if (
                     candidate is None
@@ -145,35 +149,38 @@ def refine_singularity(
 
     (Z turns with A_e: dZ = -A_e^+ dA_e Z up to a rotation within Z). Each step is the least one that makes the r-th
     singular value vanish by it; it is cut to 0.3 rad per joint, halved until the singular value falls, and ends at the
-    limits. Arguments and errors as `search_singularities`; the robot is left at the last configuration tried.
+    limits. q need not be near: from far off it is a search that may fail. iterations: most steps, >= 0; the other
+    arguments and the errors as `search_singularities`. The robot is left at the last configuration tried.
 
     Source: the derivative of singular subspaces, Stewart and Sun, Matrix Perturbation Theory, 1990, chapter V.
     """
     _check_level(stack, level)
-    _check(0.0 < tolerance < 1.0, "tolerance", tolerance, "in (0, 1)")
+    _check(isinstance(tolerance, float) and 0.0 < tolerance < 1.0, "tolerance", tolerance, "a number in (0, 1)")
+    _check(isinstance(iterations, int) and iterations >= 0, "iterations", iterations, "an integer of at least 0")
     walk = _Walk(robot, stack, level, dt)
     if walk.rank == 0:
         return None  # no freedom is left to this level anywhere: it has nothing to lose
     q = walk.within_limits(np.array(q, dtype=np.float64))
     here = walk.split(q)
     for _ in range(iterations):
-        if here.sigma <= tolerance:
+        if here is None or here.sigma <= tolerance:
             break
         change = walk.derivative(q, here)
         wanted = np.zeros(change.shape[0])
         wanted[0] = -here.sigma
-        step = np.linalg.lstsq(change, wanted, rcond=1e-9)[0]
+        step = np.asarray(np.linalg.lstsq(change, wanted, rcond=1e-9)[0], dtype=np.float64)
         longest = float(np.abs(step).max())
-        step *= min(1.0, _LONGEST_STEP / longest) if longest > 0.0 else 1.0
+        if longest > _LONGEST_STEP:
+            step *= _LONGEST_STEP / longest
         for halving in range(_HALVINGS):
             moved = walk.within_limits(robot.integrate(q, step, 0.5**halving))
             there = walk.split(moved)
-            if there.sigma < (1.0 - 0.1 * 0.5**halving) * here.sigma:
+            if there is not None and there.sigma < (1.0 - 0.1 * 0.5**halving) * here.sigma:
                 q, here = moved, there
                 break
         else:
             return None
-    return walk.judge(q, here, tolerance) if here.sigma <= tolerance else None
+    return walk.judge(q, here, tolerance) if here is not None and here.sigma <= tolerance else None
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -198,7 +205,7 @@ class _Walk:
     def __init__(self, robot: Robot, stack: Stack, level: int, dt: float | None) -> None:
         self._robot, self._stack, self._level, self._dt = robot, stack, level, dt
         self._index = coordinate_index(robot, "the search for singularities")
-        self.rank = max(self._rank_at(q) for q in _starts(robot, _SAMPLES_FOR_RANK, 0))
+        self.rank = max(self._rank_at(q) for q in random_configurations(robot, _SAMPLES_FOR_RANK, 0))
 
     def _rank_at(self, q: FloatArray) -> int:
         self._robot.update(q)
@@ -210,7 +217,7 @@ class _Walk:
         return spectra(problem)[self._level].rank
 
     def within_limits(self, q: FloatArray) -> FloatArray:
-        return _within_limits(self._robot, q, self._index)
+        return within_limits(self._robot, q, self._index)
 
     def _rows(self, q: FloatArray) -> tuple[FloatArray, IntArray]:
         self._robot.update(q)
@@ -218,18 +225,20 @@ class _Walk:
         offsets = problem.offsets[: self._level + 2]
         return problem.matrix[: offsets[-1]], offsets
 
-    def split(self, q: FloatArray) -> _Split:
+    def split(self, q: FloatArray) -> _Split | None:
+        """None where fewer rows, or fewer free directions, are left than a level of this rank needs."""
         rows, offsets = self._rows(q)
         Z: FloatArray | None = None
-        for first, last in zip(offsets[:-2], offsets[1:-1], strict=True):
+        for first, last in itertools.pairwise(offsets[:-1].tolist()):
             Z = remaining(rows[first:last], Z, RANK_TOLERANCE)[1]
         own = rows[offsets[-2] :]
         norm = two_norm(own)
         if Z is None:
             Z = np.eye(rows.shape[1])
-        if norm == 0.0 or min(len(own), Z.shape[1]) < self.rank:
-            # Rows of zeros, or earlier rows that took a direction more than elsewhere.
-            return _Split(0.0, norm, np.eye(len(own))[:, :1], Z[:, :1], rows, own)
+        if min(len(own), Z.shape[1]) < self.rank:
+            return None
+        if norm == 0.0:
+            return _Split(0.0, norm, np.eye(len(own)), Z, rows, own)
         left, sigma, right = np.linalg.svd(own @ Z)
         r = self.rank - 1
         return _Split(float(sigma[r]) / norm, norm, left[:, r:], Z @ right[r:].T, rows, own)
@@ -249,13 +258,14 @@ class _Walk:
         return np.stack(columns, axis=1)
 
     def judge(self, q: FloatArray, at: _Split, tolerance: float) -> SingularConfiguration:
-        curvature, sign = np.empty(0), 1.0
+        sign = 1.0
+        curvature: FloatArray = np.empty(0)
         change = self.derivative(q, at) if at.norm > 0.0 else np.zeros((1, self._robot.nv))
         _, growth, directions = np.linalg.svd(change)
         if at.left.shape[1] == 1 and at.norm > 0.0:
             # Along the joint motion v that moves nothing, the level moves by v^T H v / 2 along u.
             H = at.norm * change @ at.right
-            curvature = np.linalg.eigvalsh(0.5 * (H + H.T))
+            curvature = np.asarray(np.linalg.eigvalsh(0.5 * (H + H.T)), dtype=np.float64)
             if curvature.sum() > 0.0:
                 curvature, sign = -curvature[::-1], -1.0
         self._robot.update(q)
@@ -283,26 +293,6 @@ class _Walk:
             approach=directions[0],
             approach_rate=float(growth[0]),
         )
-
-
-def _starts(robot: Robot, count: int, seed: int) -> Iterator[FloatArray]:
-    """Configurations drawn within the limits; the s-th depends on (seed, s) only."""
-    index = coordinate_index(robot, "the search for singularities")
-    neutral = joint_positions(robot.neutral, index)
-    lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(neutral, robot.upper) - _TURN)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(neutral, robot.lower) + _TURN)
-    for s in range(count):
-        positions = np.random.default_rng((seed, s)).uniform(lower, upper)
-        yield _within_limits(robot, robot.integrate(robot.neutral, positions - neutral, 1.0), index)
-
-
-def _within_limits(robot: Robot, q: FloatArray, index: IntArray | None) -> FloatArray:
-    q = q.copy()
-    if index is None:
-        return np.clip(q, robot.lower, robot.upper)
-    own = index >= 0
-    q[index[own]] = np.clip(q[index[own]], robot.lower[own], robot.upper[own])
-    return q
 
 
 def _apart(robot: Robot, first: FloatArray, second: FloatArray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +14,11 @@ from hqp_rp.core.solution import Status
 from hqp_rp.robot.mujoco_robot import MujocoRobot
 from hqp_rp.scenarios._crossing import Crossing
 from hqp_rp.scenarios.planar_crossing import PlanarCrossing
+from hqp_rp.scenarios.sawyer_crossing import SawyerCrossing
 from hqp_rp.scenarios.scenario import all_scenarios
 from tests.scenarios.crossings import Constant, SometimesNothing, by_case, measured, nominal, run, same
 
-CROSSINGS = [PlanarCrossing()]
+CROSSINGS = [PlanarCrossing(), SawyerCrossing()]
 every_crossing = pytest.mark.parametrize("crossing", CROSSINGS, ids=lambda crossing: crossing.name)
 
 
@@ -34,7 +36,7 @@ def test_rates_of_the_references_are_their_derivatives(crossing: Crossing) -> No
     middle = slice(1, -1)
 
     def derivative(values: np.ndarray) -> np.ndarray:
-        return (values[2:] - values[:-2]) / (2.0 * fine.period)
+        return np.asarray((values[2:] - values[:-2]) / (2.0 * fine.period))
 
     np.testing.assert_allclose(derivative(path.q), path.qd[middle], atol=1e-6)
     np.testing.assert_allclose(derivative(path.position), path.velocity[middle], atol=1e-6)
@@ -206,6 +208,6 @@ def test_solvers_part_at_the_crossing(crossing: Crossing) -> None:
         ("reach", "far", "reach of planar_crossing is 'far'"),
     ],
 )
-def test_settings_out_of_range_are_named(setting: str, value: object, text: str) -> None:
+def test_settings_out_of_range_are_named(setting: str, value: Any, text: str) -> None:
     with pytest.raises(SettingError, match=text):
         PlanarCrossing(**{setting: value})
