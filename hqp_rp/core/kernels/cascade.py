@@ -19,7 +19,7 @@ from hqp_rp.core.kernels.orthogonal import (
 
 
 @kernel
-def finite(x):  # type: ignore[no-untyped-def]
+def finite(x):
     """True when every entry of x is finite."""
     for value in x:  # noqa: SIM110  numba compiles the loop, not the generator
         if not abs(value) < np.inf:
@@ -28,7 +28,7 @@ def finite(x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solve_level(W, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, second, y):  # type: ignore[no-untyped-def]
+def solve_level(W, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, second, y):
     """y[c0:c0 + rank], the least-squares answer of a factored level to the right-hand side t (m,), damped by the policy.
 
     The policy's parameters are in the unit of A_k; the factored rows are `scale` times larger.
@@ -50,7 +50,7 @@ def solve_level(W, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, secon
 
 
 @kernel
-def null_space(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[no-untyped-def]
+def null_space(A, b, offsets, z, tol, kind, first, second, x):
     """x = z + sum_k Z_{k-1} (A_k Z_{k-1})^# (b_k - A_k x_{k-1}); True when x is finite.
 
     Damping acts on the pseudo-inverse that gives the level's answer, never on the null space that the level leaves.
@@ -104,13 +104,13 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[n
 
 
 @kernel
-def pseudo_inverse(J, zero, kind, first, second):  # type: ignore[no-untyped-def]
+def pseudo_inverse(J, zero, kind, first, second):
     """J^# (n, m): V f(S) U^T with the policy's f for 1/sigma; a singular value <= `zero` counts as zero."""
     return apply_pseudo_inverse(J, zero, kind, first, second, np.eye(J.shape[0]))
 
 
 @kernel
-def apply_pseudo_inverse(J, zero, kind, first, second, t):  # type: ignore[no-untyped-def]
+def apply_pseudo_inverse(J, zero, kind, first, second, t):
     """J^# t (n, k) for t (m, k), from the factors, which keeps the residual smaller than J^# formed first."""
     U, S, Vt = np.linalg.svd(J, False)
     smallest = S[len(S) - 1]
@@ -121,7 +121,7 @@ def apply_pseudo_inverse(J, zero, kind, first, second, t):  # type: ignore[no-un
 
 
 @kernel
-def null_space_projector(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[no-untyped-def]
+def null_space_projector(A, b, offsets, z, tol, kind, first, second, x):
     """The textbook recursion: x <- x + (A_k P)^# (b_k - A_k x), P <- P - (A_k P)^# A_k P, with P = I at first.
 
     P drifts away from a projector near an algorithmic singularity; kept so that this can be seen. Returns 0 when x is not

@@ -7,11 +7,12 @@ import hashlib
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numba
 
-F = TypeVar("F", bound=Callable[..., Any])
+Compiled = Callable[..., Any]
+"""A kernel is compiled for the types that it is called with, so its parameters carry no annotations."""
 
 
 def _digest() -> str:
@@ -24,7 +25,7 @@ def _digest() -> str:
 SOURCES = _digest()
 
 
-def kernel(function: F) -> F:
+def kernel(function: Compiled) -> Compiled:
     """Compile `function` at its first call and cache the machine code.
 
     numba's cache watches a function's own file only, so a kernel that calls one in another file would go on running the
@@ -41,11 +42,11 @@ def kernel(function: F) -> F:
         "fastmath": {"reassoc", "contract"},
     }
     try:
-        return cast(F, numba.njit(**options)(function))
+        return cast(Compiled, numba.njit(**options)(function))
     except RuntimeError:  # numba found no folder that it may write to
         _warn_once()
         options["cache"] = False
-        return cast(F, numba.njit(**options)(function))
+        return cast(Compiled, numba.njit(**options)(function))
 
 
 @functools.cache

@@ -18,7 +18,7 @@ EPS = 2.220446049250313e-16
 
 
 @kernel
-def load(A, b, offsets, W, rhs, scale):  # type: ignore[no-untyped-def]
+def load(A, b, offsets, W, rhs, scale):
     """Copy A into W and b into rhs, each level scaled by a power of two to entries in [1/2, 1); False if not finite."""
     n = A.shape[1]
     finite = True
@@ -44,7 +44,7 @@ def load(A, b, offsets, W, rhs, scale):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def frobenius(W, r0, r1):  # type: ignore[no-untyped-def]
+def frobenius(W, r0, r1):
     """Frobenius norm of rows r0:r1 of W."""
     big = 0.0
     for i in range(r0, r1):
@@ -60,14 +60,14 @@ def frobenius(W, r0, r1):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def spectral(W, r0, r1):  # type: ignore[no-untyped-def]
+def spectral(W, r0, r1):
     """Spectral norm of rows r0:r1 of W."""
     _, s, _ = np.linalg.svd(W[r0:r1].copy(), False)
     return s[0]
 
 
 @kernel
-def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):  # type: ignore[no-untyped-def]
+def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):
     """Row-pivoted Householder LQ of W[r0:r1, c0:] in place; the reflectors also turn rows r1:rows_end.
 
     Row r0 + j ends with its entries of L left of and at column c0 + j and the reflector (leading 1 implied) right of it.
@@ -121,7 +121,7 @@ def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):  # t
 
 
 @kernel
-def inverse_norm(W, r0, c0, r):  # type: ignore[no-untyped-def]
+def inverse_norm(W, r0, c0, r):
     """Frobenius norm of the inverse of the leading r x r triangle of L: 1 / it is a rigorous bound below sigma_min(L)."""
     column = np.empty(r)
     total = 0.0
@@ -136,7 +136,7 @@ def inverse_norm(W, r0, c0, r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lower_block(W, r0, r1, c0, r):  # type: ignore[no-untyped-def]
+def lower_block(W, r0, r1, c0, r):
     """A copy of L (m, r), the factor that `lq` left in rows r0:r1, without the reflectors stored above it."""
     L = np.zeros((r1 - r0, r))
     for i in range(r1 - r0):
@@ -146,7 +146,7 @@ def lower_block(W, r0, r1, c0, r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, ref_row, ref_col, ref_tau):  # type: ignore[no-untyped-def]
+def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, ref_row, ref_col, ref_tau):
     """Factor rows r0:r1 within columns c0: and decide their rank by the library's rule.
 
     The rule: a singular value of A_k Z counts as zero when it is <= tol * ||A_k||_2. Where the triangle's inverse proves
@@ -187,7 +187,7 @@ def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, r
 
 
 @kernel
-def forward_substitution(W, r0, c0, r, t, y):  # type: ignore[no-untyped-def]
+def forward_substitution(W, r0, c0, r, t, y):
     """y[c0:c0 + r] from the leading triangle: L y = t."""
     for i in range(r):
         s = t[i]
@@ -197,7 +197,7 @@ def forward_substitution(W, r0, c0, r, t, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def tall_least_squares(C, t):  # type: ignore[no-untyped-def]
+def tall_least_squares(C, t):
     """min ||C y - t|| for C (m, r) of full column rank, m >= r, by Householder QR; C and t are overwritten, t[:r] is y.
 
     Columns are pivoted, so that with rows sorted by falling size it is stable row by row (Cox and Higham 1998): rows of
@@ -261,7 +261,7 @@ def tall_least_squares(C, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):  # type: ignore[no-untyped-def]
+def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):
     """y <- Q_k y for one level: its V (empty when there is none), then its reflectors in reverse."""
     n = W.shape[1]
     r = len(V)
@@ -287,7 +287,23 @@ def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):  # type: ignore[n
 
 
 @kernel
-def damped_inverse(sigma, smallest, zero, kind, first, second):  # type: ignore[no-untyped-def]
+def turn_forward(W, y, t0, t1, ref_row, ref_col, ref_tau):
+    """y <- Q^T y by reflectors t0:t1."""
+    n = W.shape[1]
+    for t in range(t0, t1):
+        c = ref_col[t]
+        row = ref_row[t]
+        dot = y[c]
+        for col in range(c + 1, n):
+            dot += y[col] * W[row, col]
+        dot *= ref_tau[t]
+        y[c] -= dot
+        for col in range(c + 1, n):
+            y[col] -= dot * W[row, col]
+
+
+@kernel
+def damped_inverse(sigma, smallest, zero, kind, first, second):
     """What a damping policy puts for 1/sigma: (15), (17), (18)-(19) or truncation; 0 for sigma <= `zero` without damping.
 
     `smallest` is sigma_m of (19); `kind`, `first`, `second` are the policy's (`hqp_rp.core.damping`), in sigma's unit.

@@ -34,7 +34,7 @@ LARGEST_RATIO = 2.0**50
 
 
 @kernel
-def level_weights(scale, offsets, k):  # type: ignore[no-untyped-def]
+def level_weights(scale, offsets, k):
     """One weight for each row of levels k ... p - 1: loaded row * weight is proportional to the row as it was given."""
     p = len(offsets) - 1
     weight = np.ones(offsets[p] - offsets[k])
@@ -57,7 +57,7 @@ def level_weights(scale, offsets, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def weighted_rows(C, weight):  # type: ignore[no-untyped-def]
+def weighted_rows(C, weight):
     """A copy of C (m, r) with row i multiplied by weight[i]."""
     out = np.empty(C.shape)
     for i in range(C.shape[0]):
@@ -67,7 +67,7 @@ def weighted_rows(C, weight):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def disturbance(W, m, rank, y):  # type: ignore[no-untyped-def]
+def disturbance(W, m, rank, y):
     """-B Y y: what the lower rows (below row m of W) must be given back for the step Y y that level k needs."""
     out = np.empty(len(W) - m)
     for i in range(len(out)):
@@ -79,7 +79,7 @@ def disturbance(W, m, rank, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def compensate(W, W0, m, rank, tol, weight, t0, ref_row, ref_col, ref_tau, Y):  # type: ignore[no-untyped-def]
+def compensate(W, W0, m, rank, tol, weight, t0, ref_row, ref_col, ref_tau, Y):
     """Complete each row y of Y by the least-norm w of min ||B (Y y + Z w)||; the lower rows of W are factored in place.
 
     Returns (reflectors, V) of that factorization. Where B Z has full row rank no lower level is disturbed and weights
@@ -110,7 +110,7 @@ def compensate(W, W0, m, rank, tol, weight, t0, ref_row, ref_col, ref_tau, Y):  
 
 
 @kernel
-def compensate_damped(W, m, rank, weight, factor_, Y):  # type: ignore[no-untyped-def]
+def compensate_damped(W, m, rank, weight, factor_, Y):
     """Complete each row y of Y by the w of min ||B (Y y + Z w)||^2 + factor_^2 ||w||^2."""
     below = len(W) - m
     U, S, Vt = np.linalg.svd(weighted_rows(W[m:, rank:], weight[m:]), False)
@@ -127,7 +127,7 @@ def compensate_damped(W, m, rank, weight, factor_, Y):  # type: ignore[no-untype
 
 
 @kernel
-def correction(W0, m, weight, t, tol, factor_, basis):  # type: ignore[no-untyped-def]
+def correction(W0, m, weight, t, tol, factor_, basis):
     """Row 0: the step T_k (J_k T_k)^# t of (29) (n,). With `basis`, the rows behind it span range(T_k).
 
     W0: loaded rows of level k (the first m) and of all lower levels. t: (m,) loaded residual of level k. factor_: damping
@@ -159,7 +159,7 @@ def correction(W0, m, weight, t, tol, factor_, basis):  # type: ignore[no-untype
 
 
 @kernel
-def augmented_damping(J, smallest_scale, kind, first, second):  # type: ignore[no-untyped-def]
+def augmented_damping(J, smallest_scale, kind, first, second):
     """The damping factor of [J_k; B]^#, in the unit of its weighted rows J: constant, or (19) from its sigma_m."""
     if kind == 1:
         return first * smallest_scale
@@ -171,7 +171,7 @@ def augmented_damping(J, smallest_scale, kind, first, second):  # type: ignore[n
 
 
 @kernel
-def smallest_of(scale, k):  # type: ignore[no-untyped-def]
+def smallest_of(scale, k):
     """The scale of the largest level of k ... p - 1: weighted rows are the given rows times it."""
     out = np.inf
     for i in range(k, len(scale)):
@@ -180,7 +180,7 @@ def smallest_of(scale, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def residual(W0, r0, r1, rhs, x):  # type: ignore[no-untyped-def]
+def residual(W0, r0, r1, rhs, x):
     """rhs - J x of loaded rows r0:r1."""
     out = np.empty(r1 - r0)
     for i in range(r0, r1):
@@ -192,7 +192,7 @@ def residual(W0, r0, r1, rhs, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def add_step(x, step):  # type: ignore[no-untyped-def]
+def add_step(x, step):
     """x += step; True when the sum is much smaller than what was added up, so that its rounding error shows."""
     before = 0.0
     after = 0.0
@@ -204,7 +204,7 @@ def add_step(x, step):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def range_projector(T):  # type: ignore[no-untyped-def]
+def range_projector(T):
     """T T^+ (n, n), from the left singular vectors of T (n, d)."""
     U, S, _ = np.linalg.svd(T, False)
     rank = 0
@@ -215,7 +215,7 @@ def range_projector(T):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def reverse_priority(A, b, offsets, z, tol, kind, first, second, projector, x):  # type: ignore[no-untyped-def]
+def reverse_priority(A, b, offsets, z, tol, kind, first, second, projector, x):
     """x <- x + T_k (J_k T_k)^# (b_k - J_k x) for k = p, ..., 1, from x = z: (29). True when x is finite.
 
     With `projector`, the step is (J_k P_{k+1})^# (b_k - J_k x) instead: (20)-(22), where P_{k+1} is (27), which is
@@ -271,7 +271,7 @@ def reverse_priority(A, b, offsets, z, tol, kind, first, second, projector, x): 
 
 
 @kernel
-def reverse_priority_damped_everywhere(A, b, offsets, z, tol, kind, first, second, projector, x):  # type: ignore[no-untyped-def]
+def reverse_priority_damped_everywhere(A, b, offsets, z, tol, kind, first, second, projector, x):
     """(29) or (22) with every pseudo-inverse damped, as a plain reading of (15) in (32) has it; spoils level 1."""
     M, n = A.shape
     p = len(offsets) - 1

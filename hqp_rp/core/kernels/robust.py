@@ -10,7 +10,7 @@ from hqp_rp.core.kernels.orthogonal import factor, load, turn_back
 
 
 @kernel
-def singularity_robust(A, b, offsets, z, tol, kind, first, second, x):  # type: ignore[no-untyped-def]
+def singularity_robust(A, b, offsets, z, tol, kind, first, second, x):
     """x = sum_k N_{k-1} A_k^# b_k + N_p z, with N_k the projector on null([A_1; ...; A_k]). True when x is finite.
 
     The pseudo-inverse of a level never sees the levels before it, so it stays bounded at an algorithmic singularity, at

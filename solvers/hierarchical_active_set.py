@@ -1,0 +1,123 @@
+"""Our own exact solver: lexicographic least squares with two-sided rows at any level and hard rows, by active sets."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+
+from hqp_rp.core.closed_form import zeros
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+
+_OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HierarchicalActiveSet(Solver):
+    """The lexicographic optimum with two-sided rows at every level and hard rows, to rounding error.
+
+    Level by level, `min ||w_k||^2` over the points that keep what earlier levels reached, with w_k the violation of
+    `lower_k <= A_k x <= upper_k`; then `min ||x - zeta||`. Each level is a primal active-set search: the rows that count are
+    factored by orthogonal transformations in the freedom that finished levels left, the step goes as far as the first row
+    allows, and a row leaves when its multiplier has the wrong sign. Rows that a finished level determines leave for good;
+    satisfied rows are kept as rows. After a step of length zero has repeated, Bland's rule chooses, so that it cannot cycle.
+
+    Args:
+        rank_tolerance: the library's rank rule, in [0, 1).
+        max_iterations: working sets tried before `Status.ITERATION_LIMIT`; None means 200 + 10 per row.
+        warm_start: start from the last answer and its active rows, when the sizes agree. The optimum does not depend on it.
+        least_violation: when the hard rows contradict each other, put the point that violates them least (and, among such
+            points, the lexicographic optimum) into `x`, still with `Status.INFEASIBLE`; otherwise x is None.
+
+    Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. The level-by-level search with fresh
+    factorizations is ours.
+    """
+
+    rank_tolerance: float = RANK_TOLERANCE
+    max_iterations: int | None = None
+    warm_start: bool = True
+    least_violation: bool = False
+    _kept: dict[tuple[int, int, int], tuple[FloatArray, IntArray]] = dataclasses.field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    name: ClassVar[str] = "hierarchical_active_set"
+    summary: ClassVar[str] = "exact lexicographic optimum with two-sided rows at any level and hard rows"
+    source: ClassVar[str] = "Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015"
+    takes_inequalities: ClassVar[bool] = True
+    takes_hard: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
+            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        limit = self.max_iterations
+        if limit is not None and (not isinstance(limit, int) or isinstance(limit, bool) or limit < 1):
+            raise SettingError(f"max_iterations is {limit!r}; it must be None or an integer of at least 1.")
+
+    def is_lexicographic(self, problem: Problem) -> bool:
+        return True
+
+    def reset(self) -> None:
+        self._kept.clear()
+
+    def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
+        from hqp_rp.core.kernels import active_set
+
+        matrix, lower, upper, offsets = problem.stacked
+        hard = 0
+        if problem.hard is not None:
+            hard = problem.hard.m
+            matrix = np.concatenate((problem.hard.A, matrix))
+            lower = np.concatenate((problem.hard.lower, lower))
+            upper = np.concatenate((problem.hard.upper, upper))
+        rows = len(matrix)
+        starts = np.empty(len(offsets) + 1, np.int64)
+        starts[0] = 0
+        starts[1:] = offsets
+        starts[1:] += hard
+        key = (rows, problem.n, hard)
+        kept = self._kept.get(key) if self.warm_start else None
+        if kept is None:
+            x = np.zeros(problem.n)
+            side = np.zeros(rows, np.int64)
+        else:
+            x, side = kept[0].copy(), kept[1]
+        conflict = np.zeros(rows, np.int64)
+        limit = 200 + 10 * rows if self.max_iterations is None else self.max_iterations
+        free = zeros(problem.n) if secondary is None else secondary
+        try:
+            code, iterations = active_set.hierarchical_active_set(
+                matrix,
+                lower,
+                upper,
+                starts,
+                hard,
+                free,
+                self.rank_tolerance,
+                limit,
+                self.least_violation,
+                x,
+                side,
+                conflict,
+            )
+        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
+            code, iterations = active_set.NOT_FINITE, 0
+        if code == active_set.SOLVED:
+            if self.warm_start:
+                self._kept[key] = (x, side)
+            return Solution(problem, x.copy() if self.warm_start else x, Status.SOLVED, iterations, "", secondary)
+        self._kept.pop(key, None)
+        if code == active_set.INFEASIBLE:
+            names = ", ".join(str(i) for i in np.flatnonzero(conflict))
+            message = f"Hard rows {names} contradict each other: no x meets them all."
+            return Solution(
+                problem, x if self.least_violation else None, Status.INFEASIBLE, iterations, message, secondary
+            )
+        if code == active_set.LIMIT:
+            message = f"No optimal working set in {limit} iterations; raise max_iterations."
+            return Solution(problem, None, Status.ITERATION_LIMIT, iterations, message, secondary)
+        return Solution(problem, None, Status.NOT_FINITE, iterations, _OVERFLOW, secondary)

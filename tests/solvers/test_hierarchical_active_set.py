@@ -1,0 +1,164 @@
+"""The hierarchical active set against exact truth and the certificate, on equalities, two-sided levels and hard rows."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, solve, truth
+from tests import reference
+from tests.problems import EQUALITY_CASES, boxed, independent, near_singular, over_constrained, scaled, two_sided
+
+EPS = np.finfo(float).eps
+NAME = "hierarchical_active_set"
+
+
+def error(x, expected):
+    return np.abs(x - expected).max() / max(1e-300, np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", EQUALITY_CASES)
+def test_equalities_alone_give_the_lexicographic_optimum(name):
+    for seed in range(3):
+        problem = EQUALITY_CASES[name](seed)
+        assert error(solve(problem, NAME).x, truth(problem).x) < 1e3 * EPS * reference.condition(problem)
+
+
+@pytest.mark.parametrize("box", [None, 0.2, 1.0])
+def test_two_sided_levels_and_a_box_give_the_truth(box):
+    for seed in range(12):
+        problem = two_sided(seed, box=box)
+        np.testing.assert_allclose(solve(problem, NAME).x, truth(problem).x, atol=1e-10)
+
+
+@pytest.mark.parametrize("exponent", range(0, 17, 2))
+def test_level_1_stays_at_rounding_error_at_every_condition(exponent):
+    problem = near_singular(10.0**-exponent, 1, rows=(3, 3, 7))
+    x = solve(problem, NAME).x
+    A, b = problem.levels[0].A, problem.levels[0].lower
+    assert np.linalg.norm(A @ x - b) <= 1e2 * EPS * np.linalg.norm(A, 2) * np.linalg.norm(x)
+
+
+def test_a_box_bounds_x_through_a_singularity():
+    for exponent in (4, 8, 12):
+        problem = boxed(near_singular(10.0**-exponent, 1), 2.0)
+        solution = solve(problem, NAME)
+        assert np.abs(solution.x).max() <= 2.0 + 1e-12
+        assert certify(problem, solution.x).ok
+
+
+def draw(rng, n, integers, hard_kind):
+    """A random problem, degenerate when `integers`; its hard rows are none, a box, feasible, or anything."""
+
+    def rows(m, feasible):
+        A = rng.integers(-2, 3, (m, n)).astype(float) if integers else rng.standard_normal((m, n))
+        centre = A @ point if feasible else rng.integers(-3, 4, m).astype(float)
+        half = rng.integers(0, 2, m).astype(float) if integers else rng.uniform(0, 1, m)
+        kind = rng.integers(0, 4, m)
+        lower = np.where(kind == 3, -np.inf, np.where(kind == 0, centre, centre - half))
+        upper = np.where(kind == 2, np.inf, np.where(kind == 0, centre, centre + half))
+        return Level(A, lower, upper)
+
+    point = rng.integers(-2, 3, n).astype(float)
+    levels = [rows(int(rng.integers(0, 7)), False) for _ in range(int(rng.integers(1, 5)))]
+    hard = None
+    if hard_kind == "box":
+        hard = Level(np.eye(n), -0.5, 0.5)
+    elif hard_kind is not None:
+        hard = rows(int(rng.integers(1, n + 3)), hard_kind == "feasible")
+    return Problem(levels, hard=hard)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    n=st.integers(1, 9),
+    integers=st.booleans(),
+    hard_kind=st.sampled_from([None, "box", "feasible", "any"]),
+)
+def test_no_wrong_verdict_on_random_problems(seed, n, integers, hard_kind):
+    problem = draw(np.random.default_rng(seed), n, integers, hard_kind)
+    solver = get_solver(NAME)
+    for _ in range(2):  # cold, then from its own answer
+        solution = solver.solve(problem)
+        assert solution.status in (Status.SOLVED, Status.INFEASIBLE)
+        if solution.status is Status.SOLVED:
+            certificate = certify(problem, solution.x)
+            assert certificate.ok, certificate.sentence
+        else:
+            assert hard_kind == "any"
+            assert not truth(problem).feasible
+
+
+def test_contradicting_hard_rows_are_named_and_no_x_is_given():
+    hard = Level(np.vstack([np.eye(3), np.ones((1, 3))]), [0.0, 0.0, 0.0, 4.0], [1.0, 1.0, 1.0, 5.0])
+    problem = Problem([Level.equality(np.eye(3), np.zeros(3))], hard=hard)
+    solution = solve(problem, NAME)
+    assert solution.status is Status.INFEASIBLE
+    assert solution.x is None
+    assert solution.message == "Hard rows 0, 1, 2, 3 contradict each other: no x meets them all."
+    asked = solve(problem, NAME, least_violation=True)
+    assert asked.status is Status.INFEASIBLE
+    np.testing.assert_allclose(asked.x, np.full(3, 1.25))  # 0.25 over each bound, 0.25 short of the sum
+
+
+def test_only_the_rows_of_the_contradiction_are_named():
+    hard = Level(np.vstack([np.eye(3), np.eye(3)[:1]]), [0.0, 0.0, 0.0, 3.0], [1.0, 1.0, 1.0, 4.0])
+    message = solve(Problem([Level.equality(np.eye(3), np.zeros(3))], hard=hard), NAME).message
+    assert message.startswith("Hard rows 0, 3 contradict")
+
+
+def test_barely_feasible_hard_rows_are_met():
+    for gap in (0.0, 1e-14, 1e-10):
+        hard = Level(np.array([[1.0, 1.0], [1.0, 1.0]]), [-np.inf, 1.0 - gap], [1.0, np.inf])
+        problem = Problem([Level.equality(np.eye(2), [3.0, 0.0])], hard=hard)
+        solution = solve(problem, NAME)
+        assert solution.status is Status.SOLVED
+        np.testing.assert_allclose(solution.x, [2.0, -1.0], atol=1e-9)
+
+
+def test_warm_and_cold_agree_along_a_path_and_warm_takes_fewer_iterations():
+    warm, cold = get_solver(NAME), get_solver(NAME, warm_start=False)
+    base = over_constrained(3, rows=(3, 3, 7))
+    counts = {"warm": 0, "cold": 0}
+    for t in np.linspace(0.0, 1.0, 60):
+        levels = [Level.equality(level.A, level.lower * (1.0 + t), name=level.name) for level in base.levels]
+        problem = boxed(Problem(levels), 0.5)
+        first, second = warm.solve(problem), cold.solve(problem)
+        np.testing.assert_allclose(first.x, second.x, atol=1e-11)
+        counts["warm"] += first.iterations
+        counts["cold"] += second.iterations
+    assert counts["warm"] < 0.7 * counts["cold"]
+
+
+@pytest.mark.parametrize("factors", [(2.0**498, 2.0**-498, 1.0), (2.0**-498, 2.0**498, 2.0**-498)])
+def test_the_scale_of_a_level_plays_no_part(factors):
+    for seed in range(4):
+        problem = two_sided(seed, box=0.3)
+        x = get_solver(NAME).solve(scaled(problem, factors)).x
+        np.testing.assert_allclose(x, get_solver(NAME).solve(problem).x, rtol=1e-12)
+
+
+def test_the_free_vector_is_the_point_to_be_near():
+    problem, zeta = two_sided(1, rows=(2, 2)), np.linspace(-1, 1, 7)
+    np.testing.assert_allclose(solve(problem, NAME, secondary=zeta).x, truth(problem, zeta).x, atol=1e-11)
+
+
+def test_the_iteration_limit_is_a_status():
+    solution = solve(boxed(over_constrained(0), 0.1), NAME, max_iterations=2)
+    assert solution.status is Status.ITERATION_LIMIT
+    assert solution.x is None
+    assert "max_iterations" in solution.message
+
+
+def test_the_answer_is_not_the_stored_warm_start():
+    solver, problem = get_solver(NAME), independent()
+    first = solver.solve(problem)
+    first.x[:] = 1e6
+    np.testing.assert_allclose(solver.solve(problem).x, truth(problem).x, atol=1e-10)
+
+
+@pytest.mark.parametrize("wrong", [{"max_iterations": 0}, {"max_iterations": 2.5}, {"rank_tolerance": 1.0}])
+def test_wrong_settings_are_named(wrong):
+    with pytest.raises(SettingError, match=f"{next(iter(wrong))} is {next(iter(wrong.values()))}"):
+        get_solver(NAME, **wrong)
