@@ -2,9 +2,10 @@
 
 Every row is carried in the coordinates of the freedom that finished levels left: R (M + n, n), whose last n rows are the
 basis Z itself, so that x moves by Z d and row i's value by R_i d. Level k minimizes the squared violation of its rows over
-the points that keep what earlier levels reached. Its working set holds kept rows at their bounds (W, the equalities of a step) and its own rows that count (B: equalities and violated rows, the least squares of the step); each step factors [W; B] afresh by
-orthogonal transformations, moves until a row blocks, and ends when every multiplier has its sign. Rows that are then
-determined (equalities, violated rows, rows held by a multiplier) leave for good together with the directions they
+the points that keep what earlier levels reached. Its working set holds kept rows at their bounds (W, equalities of a
+step) and its own rows that count (B: equalities and violated rows, the least squares of a step). Each step factors [W; B]
+afresh by orthogonal transformations, moves until a row blocks, and ends when every multiplier has its sign. Rows that are
+then determined (equalities, violated rows, rows held by a multiplier) leave for good together with the directions they
 determine; satisfied rows are kept as rows.
 """
 
@@ -30,7 +31,7 @@ NOT_FINITE = 3
 
 @kernel
 def load_two_sided(A, lower, upper, offsets, R, low, up, norms):
-    """Copy rows and bounds, each level scaled by a power of two to entries in [1/2, 1), the identity below; False if not finite."""
+    """Copy rows and bounds, each level scaled by a power of two to entries in [1/2, 1), identity below; False if not finite."""
     M, n = A.shape
     finite = True
     for k in range(len(offsets) - 1):
