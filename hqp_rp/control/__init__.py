@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from hqp_rp.control.center_of_mass_task import CenterOfMassTask
+from hqp_rp.control.force import ForceReference
+from hqp_rp.control.hybrid import HybridReference
+from hqp_rp.control.impedance import ImpedanceReference
+from hqp_rp.control.interaction_controller import Command, InteractionController, Mode
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.joint_limit_potential import JointLimitPotential
 from hqp_rp.control.limit import Limit, VelocityLimit
@@ -11,25 +15,36 @@ from hqp_rp.control.pointing_task import PointingTask
 from hqp_rp.control.pose_task import PoseTask
 from hqp_rp.control.position_task import PositionTask
 from hqp_rp.control.posture_task import PostureTask
+from hqp_rp.control.reference import Reference
 from hqp_rp.control.relative_pose_task import RelativePoseTask
 from hqp_rp.control.stack import Stack
 from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.control.twist_task import TwistTask
+from hqp_rp.control.wrench import Wrench, WrenchSensor
 
 __all__ = [
     "CenterOfMassTask",
+    "Command",
     "FeedbackTask",
+    "ForceReference",
+    "HybridReference",
+    "ImpedanceReference",
+    "InteractionController",
     "JointLimit",
     "JointLimitPotential",
     "Limit",
+    "Mode",
     "OrientationTask",
     "PointingTask",
     "PoseTask",
     "PositionTask",
     "PostureTask",
+    "Reference",
     "RelativePoseTask",
     "Stack",
     "Task",
     "TwistTask",
     "VelocityLimit",
+    "Wrench",
+    "WrenchSensor",
 ]
