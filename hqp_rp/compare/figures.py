@@ -10,13 +10,14 @@ import polars as pl
 from hqp_rp.compare.chart import Chart, Dots, Line, Lines, thinned
 from hqp_rp.compare.contestants import GROUPS, Contestant
 from hqp_rp.compare.metrics import parting_frame
+from hqp_rp.compare.study import PARTING, singular_distance
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios.scenario import Scenario
 
 ERROR_FLOOR, ERROR_CEILING = 1e-17, 1e8
 NORM_FLOOR, NORM_CEILING = 1e-4, 1e14
-PARTING = 1e-6
-"""A solver has left the optimum when |x - x*| / |x*| exceeds this."""
+
+
 
 
 def grouped(contestants: Sequence[Contestant]) -> list[tuple[str, list[str]]]:
@@ -93,7 +94,7 @@ def _against_sigma(
     scenario: Scenario, case: str, contestants: Sequence[Contestant], steps: pl.DataFrame, levels: pl.DataFrame
 ) -> Lines:
     """The largest error and |x| seen at each distance, where the distance is sigma_min of the projected level."""
-    sigma = _distance_to_singularity(levels)
+    sigma = singular_distance(levels)
     names = _level_names(levels)
     tables = [
         levels.filter(pl.col("level") == k + 1)
@@ -135,7 +136,7 @@ def _path(
     ]
     tables.append(steps.filter(first).select("contestant", "parameter", pl.col("x_norm").alias("y")))
     keys = ["contestant", "seed", "step"]
-    sigma = _distance_to_singularity(levels).join(steps.select(*keys, "parameter"), on=keys)
+    sigma = singular_distance(levels).join(steps.select(*keys, "parameter"), on=keys)
     tables.append(sigma.filter(first).select("contestant", "parameter", pl.col("sigma").alias("y")))
     return _grid(
         scenario,
@@ -295,13 +296,6 @@ def _curves(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str,
 def _by_contestant(table: pl.DataFrame, contestants: Sequence[Contestant]) -> list[tuple[str, pl.DataFrame]]:
     parts = [(item.label, table.filter(pl.col("contestant") == item.label)) for item in contestants]
     return [(label, part) for label, part in parts if part.height]
-
-
-def _distance_to_singularity(levels: pl.DataFrame) -> pl.DataFrame:
-    """The smallest sigma_min below level 1, over the levels whose rows fit beside the ones before: (run, step, sigma)."""
-    keys = ["contestant", "seed", "step"]
-    fits = (pl.col("level") > 1) & (pl.col("rows") <= pl.col("unknowns") - pl.col("before"))
-    return levels.filter(fits).group_by(keys, maintain_order=True).agg(pl.col("sigma_min").min().alias("sigma"))
 
 
 def _level_names(levels: pl.DataFrame) -> list[str]:

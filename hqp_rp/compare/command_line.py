@@ -1,0 +1,141 @@
+"""`hqp-rp`: compare solvers, list solvers, list scenarios."""
+
+from __future__ import annotations
+
+import pathlib
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import tyro
+
+from hqp_rp.core.errors import HqpError
+
+INTERRUPTED = 130
+MISUSE = 2
+
+_Repeated = tyro.conf.UseAppendAction
+
+
+def compare(
+    scenario: _Repeated[tuple[str, ...]] = (),
+    solver: _Repeated[tuple[str, ...]] = (),
+    seeds: int | None = None,
+    output: pathlib.Path = pathlib.Path("report"),
+    quick: bool = False,
+    overwrite: bool = False,
+    workers: int | None = None,
+) -> int:
+    """Compare solvers on scenarios and write a report: report.html, report.md with figures, Parquet files.
+
+    A comparison that was stopped goes on where it stopped when the same command is given again.
+
+    Args:
+        scenario: a scenario's name; repeat it for more. Without it, every scenario. See `hqp-rp scenarios`.
+        solver: a solver's name, which picks all its variants, or NAME:KEY=VALUE,KEY=VALUE for settings of your own, such as
+            reverse_priority:damping=constant(0.1),form=projector; repeat it for more. See `hqp-rp solvers`.
+        seeds: how many seeds; 3, or 1 with --quick, when not given.
+        output: the folder to write.
+        quick: fewer steps, for a first look.
+        overwrite: replace the report of another run in that folder.
+        workers: processes; one for each core when not given.
+    """
+    from hqp_rp.compare.comparison import compare as run
+
+    try:
+        found = run(
+            scenario or None,
+            solver or None,
+            seeds=seeds,
+            output=output,
+            quick=quick,
+            overwrite=overwrite,
+            workers=workers,
+            progress=True,
+        )
+    except KeyboardInterrupt:
+        print(f"\nStopped. What is finished is kept in {output}; the same command goes on from there.", file=sys.stderr)
+        return INTERRUPTED
+    for sentence in found.answer:
+        print(f"- {sentence}")
+    print(f"The report: {output / 'report.html'}")
+    return 0
+
+
+def solvers() -> int:
+    """List every solver: name, what it does, what it accepts, its settings and where it comes from."""
+    import dataclasses
+
+    from hqp_rp.core.solver import all_solvers
+
+    blocks = []
+    for name, kind in all_solvers().items():
+        taken = ["equalities"]
+        taken += ["two-sided rows"] if kind.takes_inequalities else []
+        taken += ["hard rows"] if kind.takes_hard else []
+        settings = [f"{field.name}={field.default!r}" for field in dataclasses.fields(kind) if field.init]
+        blocks.append((name, [
+            ("does", kind.summary.rstrip(".")),
+            ("accepts", ", ".join(taken)),
+            ("settings", ", ".join(settings) or "none"),
+            ("source", kind.source),
+        ]))  # fmt: skip
+    _print_blocks(blocks)
+    return 0
+
+
+def scenarios() -> int:
+    """List every scenario: name, its question, its settings."""
+    import dataclasses
+
+    from hqp_rp.scenarios.scenario import all_scenarios
+
+    blocks = []
+    for name, kind in all_scenarios().items():
+        settings = [f"{field.name}={field.default!r}" for field in dataclasses.fields(kind) if field.init]
+        blocks.append((name, [
+            ("asks", kind.question),
+            ("along", kind.abscissa),
+            ("settings", ", ".join(settings) or "none"),
+        ]))  # fmt: skip
+    _print_blocks(blocks)
+    return 0
+
+
+def _print_blocks(blocks: Sequence[tuple[str, Sequence[tuple[str, str]]]]) -> None:
+    import shutil
+    import textwrap
+
+    width = max(min(shutil.get_terminal_size((100, 24)).columns, 110), 40)
+    for name, lines in blocks:
+        print(name)
+        for key, text in lines:
+            first = f"  {key:<10}"
+            print(textwrap.fill(text, width, initial_indent=first, subsequent_indent=" " * len(first)))
+        print()
+
+
+COMMANDS: dict[str, Callable[..., int]] = {"compare": compare, "solvers": solvers, "scenarios": scenarios}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; the exit code: 0 done, 2 wrong input (one line says what and the remedy), 130 interrupted."""
+    try:
+        code: Any = tyro.extras.subcommand_cli_from_dict(
+            COMMANDS,
+            prog="hqp-rp",
+            description="One prioritized robot task stack, every hierarchical controller, and the truth about each.",
+            args=list(sys.argv[1:] if arguments is None else arguments),
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
+    except HqpError as error:
+        print(f"hqp-rp: {error}", file=sys.stderr)
+        return MISUSE
+    except KeyboardInterrupt:
+        print("Stopped.", file=sys.stderr)
+        return INTERRUPTED
+    return int(code)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

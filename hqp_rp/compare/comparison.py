@@ -1,0 +1,151 @@
+"""The comparison itself: run what is missing, measure, and write the report."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+import tempfile
+from collections.abc import Sequence
+
+import polars as pl
+
+from hqp_rp.compare.contestants import Contestant, choose_contestants
+from hqp_rp.compare.metrics import levels_frame, measured_frame, runs_frame, steps_frame
+from hqp_rp.compare.report import FILES, Report, write_report
+from hqp_rp.compare.run import Unit, description, run_units, units_of
+from hqp_rp.compare.run_folder import RunFolder, write_parquet
+from hqp_rp.compare.study import Case, cases
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.solver import Solver
+from hqp_rp.scenarios.scenario import Scenario, all_scenarios, get_scenario
+
+SEEDS = 3
+QUICK_SEEDS = 1
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Comparison:
+    """What a comparison found.
+
+    Attributes:
+        scenarios, contestants, seeds: what was run.
+        steps: one row for each step (x, status, distance from the optimum, solve time in s).
+        levels: one row for each step and level (residual, excess, rank, sigma_min, kind of singularity).
+        measured: one row for each step and figure that only the scenario could measure.
+        runs: one row for each run (largest and median distance, total variation, shares of each status, times).
+        cases: one entry for each case of each scenario: what the report's sentences are made of.
+        folder: where the report was written, or None.
+    """
+
+    scenarios: tuple[Scenario, ...]
+    contestants: tuple[Contestant, ...]
+    seeds: int
+    steps: pl.DataFrame
+    levels: pl.DataFrame
+    measured: pl.DataFrame
+    runs: pl.DataFrame
+    cases: tuple[Case, ...]
+    folder: pathlib.Path | None = None
+
+    @property
+    def answer(self) -> tuple[str, ...]:
+        """The answer in a few sentences."""
+        from hqp_rp.compare.findings import answer
+
+        return answer(self.cases)
+
+    def report(self) -> Report:
+        """The report as data."""
+        from hqp_rp.compare.written import comparison_report
+
+        return comparison_report(self)
+
+
+def compare(
+    scenarios: Sequence[str | Scenario] | None = None,
+    solvers: Sequence[str | Solver | Contestant] | None = None,
+    *,
+    seeds: int | None = None,
+    output: str | os.PathLike[str] | None = None,
+    quick: bool = False,
+    overwrite: bool = False,
+    workers: int | None = None,
+    progress: bool = False,
+) -> Comparison:
+    """Run every scenario with every contestant and every seed, judge each step, and write the report.
+
+    A run that was stopped goes on where it stopped when it is started again with the same output folder. Solve times are
+    taken while as many processes run as there are cores: ratios between solvers of one run are meant, not absolute times.
+
+    Args:
+        scenarios: names or `Scenario`s; None means every scenario.
+        solvers: names (all variants of that solver), `name:key=value,key=value`, `Solver`s or `Contestant`s; None means the
+            default line-up.
+        seeds: how many seeds, 0 ... seeds - 1; None means 3, with `quick` 1.
+        output: folder for report.html, report.md, figures and Parquet files; None writes nothing.
+        quick: the scenarios' own quick versions, for a first look.
+        overwrite: replace the report of another run in `output`.
+        workers: processes; None means one for each usable core.
+        progress: show a progress bar on standard error.
+
+    Raises:
+        UnknownNameError, SettingError: a scenario, solver or setting that does not exist or is not allowed.
+        FileError: `output` holds another run's report or foreign files, or cannot be written.
+    """
+    chosen = _scenarios(scenarios, quick)
+    contestants = choose_contestants(solvers)
+    count = (QUICK_SEEDS if quick else SEEDS) if seeds is None else seeds
+    units = units_of(chosen, contestants, count)
+    run = description(chosen, contestants, count)
+    if output is None:
+        with tempfile.TemporaryDirectory(prefix="hqp_rp-") as temporary:
+            return _measured(units, RunFolder(temporary, run), workers, progress, chosen, contestants, count)
+    folder = RunFolder(output, run, files=FILES, overwrite=overwrite)
+    found = _measured(units, folder, workers, progress, chosen, contestants, count)
+    found = dataclasses.replace(found, folder=folder.path)
+    results = folder.path / "results"
+    results.mkdir(exist_ok=True)
+    for name in ("steps", "levels", "measured", "runs"):
+        write_parquet(getattr(found, name), results / f"{name}.parquet")
+    write_report(found.report(), folder.path)
+    return found
+
+
+def _measured(
+    units: Sequence[Unit],
+    folder: RunFolder,
+    workers: int | None,
+    progress: bool,
+    scenarios: tuple[Scenario, ...],
+    contestants: tuple[Contestant, ...],
+    seeds: int,
+) -> Comparison:
+    run_units(units, folder, workers=workers, progress=progress)
+    parts = folder.load(unit.key for unit in units)
+    steps, levels = steps_frame(parts), levels_frame(parts)
+    return Comparison(
+        scenarios=scenarios,
+        contestants=contestants,
+        seeds=seeds,
+        steps=steps,
+        levels=levels,
+        measured=measured_frame(parts),
+        runs=runs_frame(steps),
+        cases=tuple(case for scenario in scenarios for case in cases(scenario, contestants, steps, levels)),
+    )
+
+
+def _scenarios(scenarios: Sequence[str | Scenario] | None, quick: bool) -> tuple[Scenario, ...]:
+    if isinstance(scenarios, str | Scenario):
+        raise SettingError(f"scenarios is {scenarios!r}; give a list of scenario names or Scenarios, or None for all.")
+    if scenarios is not None and not len(scenarios):
+        raise SettingError("scenarios is an empty list; give scenario names or Scenarios, or None for all of them.")
+    found: dict[str, Scenario] = {}
+    for item in all_scenarios() if scenarios is None else scenarios:
+        scenario = get_scenario(item)
+        name = type(scenario).name
+        if name in found and repr(found[name]) != repr(scenario):
+            raise SettingError(f"The scenario {name!r} is given twice with different settings; run them one by one.")
+        found[name] = scenario
+    return tuple(scenario.quick() if quick else scenario for scenario in found.values())

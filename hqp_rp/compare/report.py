@@ -1,0 +1,130 @@
+"""A report as data, and its two forms: one page that opens offline, and markdown with figures, made to be diffed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hqp_rp.compare.chart import Chart, Style
+from hqp_rp.compare.run_folder import write_atomically
+
+FILES = ("report.html", "report.md", "figures", "results")
+"""What a report's folder holds beside its manifest and its parts."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Table:
+    """A table of ready-made cells: numbers come formatted, so that both forms of a report show the same digits.
+
+    `text` names the columns that hold words and are set flush left; the others hold numbers.
+    """
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+    text: frozenset[int] = frozenset({0})
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Section:
+    """A heading, then sentences (as a list when `listed`), charts, tables and sections of its own, in this order."""
+
+    title: str
+    sentences: tuple[str, ...] = ()
+    listed: bool = False
+    charts: tuple[Chart, ...] = ()
+    tables: tuple[Table, ...] = ()
+    sections: tuple[Section, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Report:
+    """The whole: a title, the question, and sections; and how each contestant is drawn."""
+
+    title: str
+    question: str
+    sections: tuple[Section, ...]
+    styles: Mapping[str, Style]
+
+    def charts(self) -> list[Chart]:
+        """Every chart, in the order in which the report shows them."""
+        return [chart for section in self.sections for chart in _charts(section)]
+
+
+def _charts(section: Section) -> list[Chart]:
+    return [*section.charts, *(chart for inner in section.sections for chart in _charts(inner))]
+
+
+def write_report(report: Report, folder: pathlib.Path) -> list[pathlib.Path]:
+    """Write report.html, report.md and figures/*.png into `folder`; the paths of the two reports.
+
+    Each file appears whole or not at all. Raises `FileError` when a file cannot be written.
+    """
+    from hqp_rp.compare.chart_html import html, script
+    from hqp_rp.compare.chart_png import png
+
+    styles = dict(report.styles)
+    figures = folder / "figures"
+    figures.mkdir(exist_ok=True)
+    for old in figures.glob("*.png"):
+        if old.stem not in {chart.name for chart in report.charts()}:
+            old.unlink()
+    for chart in report.charts():
+        write_atomically(figures / f"{chart.name}.png", png(chart, styles))
+    environment = _environment()
+    markdown = environment.get_template("report.md.j2").render(report=report)
+    page = environment.get_template("report.html.j2").render(
+        report=report, draw=lambda chart: html(chart, styles), plotly=script()
+    )
+    paths = [folder / "report.html", folder / "report.md"]
+    for path, text in zip(paths, (page, markdown), strict=True):
+        write_atomically(path, text.encode())
+    return paths
+
+
+def _environment() -> Any:
+    import jinja2
+
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent / "templates"),
+        autoescape=lambda name: name is not None and name.endswith(".html.j2"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A figure with few significant digits, so that reports of equal runs are equal: 1.2e-07, 0.53, 12, -, none."""
+    if value is None or math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    if value == 0.0:
+        return "0"
+    if 1e-2 <= abs(value) < 1e4:
+        rounded = float(f"{value:.{digits}g}")
+        return f"{rounded:g}"
+    return f"{value:.{digits - 1}e}"
+
+
+def share(value: float | None) -> str:
+    """A share as percent: 100 %, 99.7 %, 0 %."""
+    if value is None:
+        return "-"
+    if value in (0.0, 1.0):
+        return f"{100 * value:.0f} %"
+    return f"{min(max(100.0 * value, 0.1), 99.9):.1f} %"
+
+
+def listing(names: Sequence[str]) -> str:
+    """Names as a sentence has them: a, b and c."""
+    names = list(names)
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} and {names[-1]}"

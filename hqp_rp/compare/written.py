@@ -1,0 +1,168 @@
+"""The comparison's report: question, answer, what the test cannot tell, figures, tables, settings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import polars as pl
+
+from hqp_rp.compare.chart import styles
+from hqp_rp.compare.figures import grouped, scenario_charts
+from hqp_rp.compare.findings import answer, case_sentences, claims
+from hqp_rp.compare.machine import machine, versions
+from hqp_rp.compare.report import Report, Section, Table, number, share
+from hqp_rp.compare.study import PARTING, Case
+from hqp_rp.core.solution import Status
+from hqp_rp.scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from hqp_rp.compare.comparison import Comparison
+
+QUESTION = "Which prioritized solver is accurate near algorithmic singularities?"
+
+_CANNOT_TELL = (
+    "Excess errors are found in double precision: what rounding alone can explain is drawn pale and not held against a solver.",
+    "An answer at the rank tolerance is a matter of convention; steps whose rank is ambiguous are drawn but not counted.",
+    "Solve times are taken from Python, one thread each, with as many processes at work as there are cores: compare them with "
+    "each other, and only when they differ by more than a factor of two.",
+)
+
+
+def comparison_report(comparison: Comparison) -> Report:
+    """The whole report of a comparison, as data."""
+    cases = comparison.cases
+    held = claims(cases)
+    sections = [Section("The answer", answer(cases))]
+    if held:
+        sections.append(Section("What the paper on reverse priority claims", held, listed=True))
+    sections += [
+        Section("What this cannot tell", _limits(comparison), listed=True),
+        Section("Figures", sections=tuple(_figures(scenario, comparison) for scenario in comparison.scenarios)),
+        Section("Tables", tables=tuple(_outcomes(case) for case in cases) + tuple(_statuses(comparison))),
+        Section("Times", (_CANNOT_TELL[-1],), tables=(_times(cases),)),
+        Section("Settings", tables=(_contestants(comparison), _scenarios(comparison), _versions())),
+    ]
+    labels = [names for _, names in grouped(comparison.contestants)]
+    return Report("hqp_rp: prioritized solvers side by side", QUESTION, tuple(sections), styles(labels))
+
+
+def _limits(comparison: Comparison) -> tuple[str, ...]:
+    own = [
+        f"{_words(type(scenario).name)}: {sentence}"
+        for scenario in comparison.scenarios
+        for sentence in scenario.cannot_tell
+    ]
+    return (*own, *_CANNOT_TELL)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _figures(scenario: Scenario, comparison: Comparison) -> Section:
+    own = [case for case in comparison.cases if type(case.scenario) is type(scenario)]
+    sentences = [scenario.question]
+    for case in own:
+        before = f"{case.name[0].upper()}{case.name[1:]}: " if case.name else ""
+        sentences.append(before + " ".join(case_sentences(case)))
+    return Section(
+        _words(type(scenario).name).capitalize(),
+        tuple(sentences),
+        charts=tuple(
+            scenario_charts(
+                scenario, comparison.contestants, comparison.steps, comparison.levels, comparison.measured
+            )
+        ),
+    )
+
+
+def _outcomes(case: Case) -> Table:
+    header = (
+        "solver",
+        "solved",
+        "within 1e-06",
+        "leaves at",
+        "distance, median",
+        "distance, max",
+        *(f"excess, {name}" for name in case.levels),
+        "|x|, max",
+        "total variation",
+    )
+    rows = []
+    for outcome in case.outcomes:
+        excess = outcome.excess or (None,) * len(case.levels)
+        rows.append(
+            (
+                outcome.label,
+                share(outcome.solved),
+                share(outcome.within),
+                "-" if outcome.distance is None else number(outcome.parts_at) if outcome.parted else "never",
+                number(outcome.distance),
+                number(outcome.distance_max),
+                *(number(value) for value in excess),
+                number(outcome.x_max),
+                number(outcome.variation),
+            )
+        )
+    methods = "; ".join(case.reference)
+    return Table(
+        f"{case.title[0].upper()}{case.title[1:]}",
+        header,
+        tuple(rows),
+        f"Distance is |x - x*| / |x*|; leaves at: {case.scenario.abscissa} of the first step beyond {number(PARTING)}, median "
+        "of the seeds; excess: the largest part of a level's residual that the levels before it would have allowed to avoid, in "
+        f"the level's unit. The optimum x* by {methods}. Steps whose rank is ambiguous ({share(case.ambiguous)}) do not count "
+        "in distances and excesses.",
+    )
+
+
+def _statuses(comparison: Comparison) -> list[Table]:
+    """Every status but SOLVED, with how often and the first message: a refusal appears with its sentence."""
+    frame = (
+        comparison.steps.filter(pl.col("status") != Status.SOLVED.name)
+        .group_by("scenario", "case", "contestant", "status", maintain_order=True)
+        .agg(pl.len().alias("steps"), pl.col("message").first())
+    )
+    if not frame.height:
+        return []
+    rows = tuple(
+        (_words(row["scenario"]), row["case"], row["contestant"], row["status"], str(row["steps"]),
+         row["message"] or Status[row["status"]].value)
+        for row in frame.iter_rows(named=True)
+    )  # fmt: skip
+    header = ("scenario", "case", "solver", "status", "steps", "in its own words (first step)")
+    return [Table("Where a status was not SOLVED", header, rows, text=frozenset({0, 1, 2, 3, 5}))]
+
+
+def _times(cases: tuple[Case, ...]) -> Table:
+    labels = list(dict.fromkeys(outcome.label for case in cases for outcome in case.outcomes))
+    by_case = [{outcome.label: outcome for outcome in case.outcomes} for case in cases]
+    rows = []
+    for label in labels:
+        found = [outcomes[label] for outcomes in by_case]
+        rows.append((label, *(f"{1e6 * o.time_p50:.0f} / {1e6 * o.time_p99:.0f}" if o.steps else "-" for o in found)))
+    return Table(
+        "Microseconds for one solve: half of the steps / 99 % of the steps take no longer",
+        ("solver", *(case.title for case in cases)),
+        tuple(rows),
+        "Compiling is not part of it: every kernel is compiled and loaded before.",
+    )
+
+
+def _contestants(comparison: Comparison) -> Table:
+    rows = tuple(
+        (item.label, item.group, repr(item.solver), type(item.solver).source, item.why)
+        for item in comparison.contestants
+    )
+    header = ("label", "group", "solver and settings", "source", "why it is here")
+    return Table("Solvers", header, rows, text=frozenset(range(5)))
+
+
+def _scenarios(comparison: Comparison) -> Table:
+    rows = tuple((type(scenario).name, repr(scenario)) for scenario in comparison.scenarios)
+    return Table("Scenarios", ("name", "settings"), rows, f"Seeds 0 to {comparison.seeds - 1}.", text=frozenset({0, 1}))
+
+
+def _versions() -> Table:
+    rows = tuple({**versions(), **machine()}.items())
+    return Table("Versions and machine", ("what", "which"), rows, text=frozenset({0, 1}))
