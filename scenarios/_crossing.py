@@ -96,6 +96,18 @@ class Crossing(Scenario):
     """
 
     abscissa: ClassVar[str] = "time (s)"
+    cannot_tell: ClassVar[tuple[str, ...]] = (
+        "Each solver is judged on the configurations that its own motion leads to; from the crossing on these differ.",
+        "One singular configuration, crossed in one direction at one speed with one set of gains: each of these matters.",
+        "The servos clip the command joint by joint; a robot that scales the whole vector, or stops, would move "
+        "otherwise. The problem itself holds no limit.",
+        "Where the path asks for more than the arm can reach, no solver can keep the second level; what differs is what "
+        "the attempt costs.",
+        "In three levels the posture follows the path through the singularity and wants nothing else: solvers that let "
+        "it count against the second level look smoother than they would with a posture of its own. Its full rank also "
+        "keeps every matrix that holds it well conditioned: what damping does to such a matrix shows in two levels only.",
+        "Gravity is compensated and the servos are ideal but for their own lag: no friction, flexibility, delay or noise.",
+    )
 
     duration: float = 1.2
     period: float = 0.0025

@@ -37,14 +37,9 @@ class PlanarCrossing(Crossing):
         "on its path?"
     )
     cannot_tell: ClassVar[tuple[str, ...]] = (
-        "Each solver is judged on the configurations that its own motion leads to; after the crossing these differ.",
-        "One path, one arm, one set of gains, all joints of one size: other paths meet the singularity at other speeds.",
-        "The servos clip the command joint by joint; a robot that scales the whole vector, or stops, would move "
-        "otherwise. The problem itself holds no limit.",
-        "Where the path asks for more than the arm can reach, no solver can keep the second level; what differs is what "
-        "it costs.",
-        "In three levels the posture follows the path through the singularity and wants nothing else: solvers that let "
-        "it count against the second level look smoother than they would with a posture of its own.",
+        *Crossing.cannot_tell,
+        "All joints and links are of one size, and the second level is a single row: nothing is said about the scaling of "
+        "rows against each other.",
     )
 
     def arm(self) -> DHArm:

@@ -55,16 +55,8 @@ class SawyerCrossing(Crossing):
         "its path?"
     )
     cannot_tell: ClassVar[tuple[str, ...]] = (
-        "Each solver is judged on the configurations that its own motion leads to; after the crossing these differ.",
-        "One singular configuration out of a family, crossed in one direction at one speed with one set of gains.",
-        "The Sawyer is Table 1's kinematics with primitive links, ideal velocity servos and compensated gravity: no "
-        "friction, flexibility, delay or noise beyond the servos' own lag.",
-        "The servos clip the command joint by joint; a robot that scales the whole vector, or stops, would move "
-        "otherwise. The problem itself holds no limit.",
-        "Where the path asks for more than the arm can reach, no solver can keep the second level; what differs is what "
-        "it costs.",
-        "In three levels the posture follows the path through the singularity and wants nothing else: solvers that let "
-        "it count against the second level look smoother than they would with a posture of its own.",
+        *Crossing.cannot_tell,
+        "The Sawyer is Table 1's kinematics with primitive links; the real robot's inertias and servos differ.",
     )
 
     def arm(self) -> DHArm:

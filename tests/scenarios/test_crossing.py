@@ -113,6 +113,15 @@ def test_a_run_has_the_announced_length_cases_and_levels(crossing: Crossing) -> 
     assert crossing.quick().length() < crossing.length() / 3
 
 
+@pytest.mark.parametrize(("duration", "period"), [(1.0, 0.003), (0.7, 0.0025), (0.004, 0.002), (0.0101, 0.002)])
+def test_a_control_step_falls_on_the_middle_of_the_path(duration: float, period: float) -> None:
+    scenario = PlanarCrossing(duration=duration, period=period, position_gain=1.0, orientation_gain=1.0)
+    path = scenario.path()
+    assert scenario.periods() % 2 == 0
+    assert abs(path.time[-1] - duration) <= period
+    np.testing.assert_allclose(path.q[scenario.periods() // 2], scenario.crossing()[0], atol=1e-15)
+
+
 @every_crossing
 def test_a_refusal_is_yielded_once_and_ends_the_run(crossing: Crossing) -> None:
     steps = run(crossing, Constant(value=None, status=Status.REFUSED))
