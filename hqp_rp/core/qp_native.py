@@ -18,8 +18,9 @@ _NEVER = 1e-15
 class ProxQPBackend(Backend):
     """ProxQP's dense interface: a proximal augmented Lagrangian (Bambade, El-Kazdadi, Taylor and Carpentier, RSS 2022).
 
-    Settings used: eps_abs as given, eps_rel = 0, the duality gap checked, diagonal Hessian. ProxQP has no time limit and was seen to stall for
-    seconds: its outer iterations are bounded by `max_iterations`, the inner ones of each by a constant.
+    Settings used: eps_abs as given, eps_rel = 0, the duality gap checked, diagonal Hessian. ProxQP has no time limit
+    and was seen to stall for seconds: its outer iterations are bounded by `max_iterations`, the inner ones of each by a
+    constant.
     """
 
     def __init__(self, eps_abs: float, max_iterations: int) -> None:

@@ -47,7 +47,14 @@ def minimize_rows(cascade: Cascade, A: FloatArray, lower: FloatArray, upper: Flo
     e = power_of_two_scale(A)
     if e:
         A, lower, upper = np.ldexp(A, -e), np.ldexp(lower, -e), upper if upper is lower else np.ldexp(upper, -e)
+    _refuse_overflow(cascade, lower, upper)
     cascade.minimize(A, lower, upper, name)
+
+
+def _refuse_overflow(cascade: Cascade, lower: FloatArray, upper: FloatArray) -> None:
+    """A bound that overflows in scaled units puts x beyond what floats hold: there is no answer."""
+    if (lower == np.inf).any() or (upper == -np.inf).any():
+        cascade.x = np.full_like(cascade.x, np.nan)
 
 
 def minimize_hard_rows(cascade: Cascade, hard: Level | None, tolerance: float) -> str | None:
@@ -59,6 +66,7 @@ def minimize_hard_rows(cascade: Cascade, hard: Level | None, tolerance: float) -
         return None
     e = np.frexp(np.abs(hard.A).max(axis=1))[1]
     lower, upper = np.ldexp(hard.lower, -e), np.ldexp(hard.upper, -e)
+    _refuse_overflow(cascade, lower, upper)
     cascade.minimize(np.ldexp(hard.A, -e[:, None]), lower, upper, HARD)
     check = cascade.checks[-1]
     violation, allowed = _hard_violation(check, cascade.x, tolerance)
