@@ -158,7 +158,7 @@ class Dots:
         low, high = self._range
         if self.log_x:
             reach = max(high / low, 10.0) ** 0.15
-            return low / reach if self.reverse_x else high * reach
+            return float(low / reach if self.reverse_x else high * reach)
         reach = 0.15 * ((high - low) or 1.0)
         return low - reach if self.reverse_x else high + reach
 

@@ -33,7 +33,10 @@ def html(chart: Chart, styles: dict[str, Style]) -> str:
     )
     return str(
         figure.to_html(
-            full_html=False, include_plotlyjs=False, div_id=chart.name, config={"displaylogo": False, "responsive": True}
+            full_html=False,
+            include_plotlyjs=False,
+            div_id=chart.name,
+            config={"displaylogo": False, "responsive": True},
         )
     )
 
@@ -62,7 +65,9 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
                         seen.add(line.label)
                     figure.add_trace(trace, row=r + 1, col=c + 1)
         low, high = chart.limits(r)
-        scale = {"type": "log", "range": [math.log10(low), math.log10(high)]} if chart.log_y[r] else {"range": [low, high]}
+        scale = (
+            {"type": "log", "range": [math.log10(low), math.log10(high)]} if chart.log_y[r] else {"range": [low, high]}
+        )
         figure.update_yaxes(exponentformat="power", gridcolor=_GRID, zeroline=False, row=r + 1, **scale)
         figure.update_yaxes(title_text=chart.rows[r].replace("\n", "<br>"), row=r + 1, col=1)
     figure.update_xaxes(gridcolor=_GRID, zeroline=False, showgrid=True)

@@ -27,7 +27,9 @@ def png(chart: Chart, styles: dict[str, Style]) -> bytes:
 
 def _lines(chart: Lines, styles: dict[str, Style]) -> Figure:
     columns, rows = len(chart.columns), len(chart.rows)
-    labels = [sorted({line.label: None for row in chart.panels for line in row[c]}, key=_rank(styles)) for c in range(columns)]
+    labels = [
+        sorted({line.label: None for row in chart.panels for line in row[c]}, key=_rank(styles)) for c in range(columns)
+    ]
     key = 0.165 * max(map(len, labels)) + 0.35
     width, height = 0.9 + 3.1 * columns, 0.45 + key + 1.75 * rows + 0.6
     figure = Figure(figsize=(width, height), facecolor="white")
@@ -102,8 +104,8 @@ def _panel(axes: Axes, chart: Lines, r: int, c: int, styles: dict[str, Style]) -
     for at, words in chart.marks:
         axes.axvline(at, color=_GREY, linewidth=0.8, linestyle=":")
         if r == 0 and words:
-            axes.annotate(words, (at, 1.0), (2, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
-                          fontsize=7, color=_GREY, va="top")  # fmt: skip
+            axes.annotate(words, (at, 1.0), (-2, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
+                          fontsize=7, color=_GREY, va="top", ha="right")  # fmt: skip
     axes.grid(True, which="major", color="#e4e4e4", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8, color=_GREY)

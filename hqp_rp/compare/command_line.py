@@ -14,12 +14,10 @@ from hqp_rp.core.errors import HqpError
 INTERRUPTED = 130
 MISUSE = 2
 
-_Repeated = tyro.conf.UseAppendAction
-
 
 def compare(
-    scenario: _Repeated[tuple[str, ...]] = (),
-    solver: _Repeated[tuple[str, ...]] = (),
+    scenario: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    solver: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     seeds: int | None = None,
     output: pathlib.Path = pathlib.Path("report"),
     quick: bool = False,

@@ -17,7 +17,7 @@ from hqp_rp.core.solver import Solver, all_solvers, get_solver
 EXACT = "exact in theory"
 DAMPED = "damped or robust priority"
 SOFT = "no strict priority"
-QP = "QP cascade"
+QP = "QP cascade and active set"
 GROUPS = (EXACT, DAMPED, SOFT, QP)
 """The groups, in the order in which figures and tables show them."""
 
@@ -51,17 +51,17 @@ _VARIABLE = VariableDamping(0.1, 0.1)
 _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
     "null_space": (
         ("null space", {}, EXACT, "the stable form: an orthonormal basis of the remaining null space"),
-        ("null space, textbook", {"variant": "projector"}, EXACT, "the recursion as textbooks print it"),
-        ("null space, constant", {"damping": _CONSTANT}, DAMPED, "damped everywhere along the path"),
-        ("null space, variable", {"damping": _VARIABLE}, DAMPED, "damped near singularities only, (18)-(19)"),
-        ("null space, truncated", {"damping": Truncation(0.01)}, DAMPED, "small singular values cut"),
+        ("null space textbook", {"variant": "projector"}, EXACT, "the recursion as textbooks print it"),
+        ("null space constant", {"damping": _CONSTANT}, DAMPED, "damped everywhere along the path"),
+        ("null space variable", {"damping": _VARIABLE}, DAMPED, "damped near singularities only, (18)-(19)"),
+        ("null space truncated", {"damping": Truncation(0.01)}, DAMPED, "small singular values cut"),
     ),
     "reverse_priority": (
         ("reverse priority", {}, EXACT, "equation (29), undamped; lexicographic on two levels only"),
-        ("reverse, T_k constant", {"damping": _CONSTANT}, DAMPED, "damping in the pseudo-inverse that gives T_k only"),
-        ("reverse, T_k variable", {"damping": _VARIABLE}, DAMPED, "the same, near singularities only"),
+        ("reverse T_k constant", {"damping": _CONSTANT}, DAMPED, "damping in the pseudo-inverse that gives T_k only"),
+        ("reverse T_k variable", {"damping": _VARIABLE}, DAMPED, "the same, near singularities only"),
         (
-            "reverse, all damped",
+            "reverse all damped",
             {"damping": _CONSTANT, "damp": "everywhere"},
             DAMPED,
             "a plain reading of (15) in (32): every pseudo-inverse damped",
@@ -70,16 +70,17 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
     "singularity_robust": (("singularity robust", {}, DAMPED, "Chiaverini's (13): bounded, inexact below level 1"),),
     "pseudo_inverse": (("pseudo-inverse", {}, SOFT, "all levels as one: the classical solution without priority"),),
     "damped_least_squares": (
-        ("DLS, constant", {"damping": _CONSTANT}, SOFT, "all levels as one, damped everywhere"),
-        ("DLS, variable", {"damping": _VARIABLE}, SOFT, "all levels as one, damped near singularities"),
+        ("DLS constant", {"damping": _CONSTANT}, SOFT, "all levels as one, damped everywhere"),
+        ("DLS variable", {"damping": _VARIABLE}, SOFT, "all levels as one, damped near singularities"),
     ),
     "weighted": (("weighted", {}, SOFT, "soft weights instead of priorities, as mink and pink do"),),
     "qp_cascade": (
-        ("QP, ProxQP", {"backend": "proxqp"}, QP, "native interface, workspaces kept"),
-        ("QP, OSQP", {"backend": "osqp"}, QP, "native interface, workspaces kept"),
-        ("QP, DAQP", {"backend": "daqp"}, QP, "through qpsolvers"),
-        ("QP, quadprog", {"backend": "quadprog"}, QP, "through qpsolvers"),
+        ("QP ProxQP", {"backend": "proxqp"}, QP, "native interface, workspaces kept"),
+        ("QP OSQP", {"backend": "osqp"}, QP, "native interface, workspaces kept"),
+        ("QP DAQP", {"backend": "daqp"}, QP, "through qpsolvers"),
+        ("QP quadprog", {"backend": "quadprog"}, QP, "through qpsolvers"),
     ),
+    "hierarchical_active_set": (("active set", {}, QP, "one active set over the whole hierarchy, no QP back end"),),
 }
 
 

@@ -16,8 +16,7 @@ from hqp_rp.scenarios.scenario import Scenario
 
 ERROR_FLOOR, ERROR_CEILING = 1e-17, 1e8
 NORM_FLOOR, NORM_CEILING = 1e-4, 1e14
-
-
+OTHER_FLOOR = 1e-12
 
 
 def grouped(contestants: Sequence[Contestant]) -> list[tuple[str, list[str]]]:
@@ -27,7 +26,11 @@ def grouped(contestants: Sequence[Contestant]) -> list[tuple[str, list[str]]]:
 
 
 def scenario_charts(
-    scenario: Scenario, contestants: Sequence[Contestant], steps: pl.DataFrame, levels: pl.DataFrame, measured: pl.DataFrame
+    scenario: Scenario,
+    contestants: Sequence[Contestant],
+    steps: pl.DataFrame,
+    levels: pl.DataFrame,
+    measured: pl.DataFrame,
 ) -> list[Chart]:
     """Every chart of one scenario; the frames may hold other scenarios too."""
     name = type(scenario).name
@@ -58,7 +61,7 @@ def _family(
         for k in range(len(names))
     ]
     tables.append(steps.select("contestant", "parameter", pl.col("x_norm").alias("y")))
-    rows = [f"{name}\nexcess error" for name in names] + ["|x|"]
+    rows = [*_error_rows(names), "|x|"]
     return _grid(
         scenario,
         case,
@@ -80,13 +83,15 @@ def _family(
 
 def _cut(levels: pl.DataFrame) -> tuple[tuple[float, str], ...]:
     """The largest distance at which most seeds have lost a direction by the rank rule."""
+    room = pl.col("rows") <= pl.col("unknowns") - pl.col("before")
     lost = (
-        levels.group_by("parameter", "seed")
-        .agg((pl.col("rank") < pl.col("own_rank")).filter(pl.col("rows") <= pl.col("unknowns") - pl.col("before")).any().alias("lost"))
+        levels.filter(room)
+        .group_by("parameter", "seed")
+        .agg((pl.col("rank") < pl.col("own_rank")).any().alias("lost"))
         .group_by("parameter")
         .agg(pl.col("lost").mean())
         .filter(pl.col("lost") > 0.5)
-    )  # fmt: skip
+    )
     return () if not lost.height else ((float(np.max(_array(lost["parameter"]))), "rank rule cuts"),)
 
 
@@ -115,7 +120,7 @@ def _against_sigma(
         "over the levels whose rows fit there; the largest value in each quarter of a decade is drawn, over all seeds. "
         f"Excess error as everywhere; zero is drawn at {ERROR_FLOOR:g}.",
         x_label="smallest sigma of a projected level",
-        rows=[f"{name}\nexcess error" for name in names] + ["|x|"],
+        rows=[*_error_rows(names), "|x|"],
         panels=[_largest(table, contestants) for table in tables],
         log_x=True,
         reverse_x=True,
@@ -144,10 +149,11 @@ def _path(
         contestants,
         kind="path",
         title="Errors and size of the answer along the path",
-        caption="The first seed. Excess error in the unit of the task, pale where rounding alone explains it; |x| is the size of the answer (of the joint "
-        "velocity, where x is one); sigma is the distance to the singularity that this solver's own motion kept.",
+        caption="The first seed. Excess error in the unit of the task, pale where rounding alone explains it; |x| is the "
+        "size of the answer (of the joint velocity, where x is one); sigma is the distance to the singularity that this "
+        "solver's own motion kept.",
         x_label=scenario.abscissa,
-        rows=[f"{name}\nexcess error" for name in names] + ["|x|", "sigma"],
+        rows=[*_error_rows(names), "|x|", "sigma"],
         panels=[_curves(table, contestants) for table in tables],
     )
 
@@ -225,6 +231,7 @@ def _grid(
     groups = grouped(contestants)
     slug = "-".join(part for part in (name, kind, case) if part).replace("_", "-").replace(" ", "-")
     errors = [row.endswith("excess error") for row in rows]
+    labelled = list(zip(rows, errors, strict=True))
     return Lines(
         name=slug,
         title=f"{title} ({_words(name)}{', ' + case if case else ''})",
@@ -238,7 +245,7 @@ def _grid(
         log_x=log_x,
         reverse_x=reverse_x,
         log_y=tuple(log_y) if log_y is not None else (True,) * len(rows),
-        floor=tuple(ERROR_FLOOR if error else NORM_FLOOR if row == "|x|" else 1e-12 for row, error in zip(rows, errors, strict=True)),
+        floor=tuple(ERROR_FLOOR if error else NORM_FLOOR if row == "|x|" else OTHER_FLOOR for row, error in labelled),
         ceiling=tuple(ERROR_CEILING if error else NORM_CEILING for error in errors),
         marks=marks,
     )  # fmt: skip
@@ -260,8 +267,8 @@ def _spread(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str,
         .sort("parameter")
     )
     for label, part in _by_contestant(together, contestants):
-        curves = [_array(part[name]) for name in ("parameter", "middle", "low", "high")]
-        found[label] = Line(label, *curves, sure=part["sure"].to_numpy() if sure else None)
+        x, y, low, high = (_array(part[name]) for name in ("parameter", "middle", "low", "high"))
+        found[label] = Line(label, x, y, low, high, part["sure"].to_numpy() if sure else None)
     return found
 
 
@@ -300,6 +307,10 @@ def _by_contestant(table: pl.DataFrame, contestants: Sequence[Contestant]) -> li
 
 def _level_names(levels: pl.DataFrame) -> list[str]:
     return levels.group_by("level").agg(pl.col("name").first()).sort("level")["name"].to_list()
+
+
+def _error_rows(names: Sequence[str]) -> list[str]:
+    return [f"{k + 1}: {name}\nexcess error" for k, name in enumerate(names)]
 
 
 def _array(series: pl.Series) -> FloatArray:

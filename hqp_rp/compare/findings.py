@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.report import listing, number, share
-from hqp_rp.compare.study import BOUNDED, CLEAR, KEPT, PARTING, Case, Outcome
+from hqp_rp.compare.study import BOUNDED, CLEAR, PARTING, Case, Outcome
 from hqp_rp.core.damping import NoDamping
 
 
@@ -15,7 +16,13 @@ def answer(cases: Sequence[Case]) -> tuple[str, ...]:
     measured = [case for case in cases if any(outcome.distance is not None for outcome in case.outcomes)]
     if not measured:
         return ("No solver returned an answer that could be measured.",)
-    sentences = [_closest(measured), _both(measured), *_lost(measured), _honesty(measured)]
+    sentences = [
+        _closest(measured),
+        _both(measured),
+        _lost(measured),
+        claims_summary(claims(measured)),
+        _honesty(measured),
+    ]
     return tuple(sentence for sentence in sentences if sentence)
 
 
@@ -54,7 +61,7 @@ def _both(cases: Sequence[Case]) -> str:
     )
 
 
-def _lost(cases: Sequence[Case]) -> list[str]:
+def _lost(cases: Sequence[Case]) -> str:
     """Who loses level 1, worst first, with the figure."""
     worst: dict[str, float] = {}
     for case in cases:
@@ -63,9 +70,9 @@ def _lost(cases: Sequence[Case]) -> list[str]:
             if excess is not None and not outcome.keeps(1):
                 worst[outcome.label] = max(worst.get(outcome.label, 0.0), excess)
     if not worst:
-        return ["Level 1 was kept to rounding error by every solver that answered."]
-    named = [f"{label} (by up to {number(value)})" for label, value in sorted(worst.items(), key=lambda item: -item[1])]
-    return [f"Level 1 is lost somewhere by {listing(named)}, in the units of the tasks."]
+        return "Level 1 was kept to rounding error by every solver that answered."
+    named = [f"{label} ({number(value)})" for label, value in sorted(worst.items(), key=lambda item: -item[1])]
+    return f"Level 1 is lost somewhere by {listing(named)}: the largest excess error, in the unit of the task."
 
 
 def _honesty(cases: Sequence[Case]) -> str:
@@ -91,30 +98,37 @@ def case_sentences(case: Case) -> tuple[str, ...]:
         _growth(case),
     ]
     if case.ambiguous:
-        sentences.append(f"On {share(case.ambiguous)} of the steps the rank itself is ambiguous; these are not counted.")
+        sentences.append(
+            f"On {share(case.ambiguous)} of the steps the rank itself is ambiguous; these are not counted."
+        )
     return tuple(sentence for sentence in sentences if sentence)
 
 
 def _order_of_leaving(case: Case) -> list[str]:
     seen = [outcome for outcome in case.outcomes if outcome.distance is not None]
     stayed = [outcome.label for outcome in seen if not outcome.parted]
-    sentences = []
-    if stayed:
-        sentences.append(f"Never more than {number(PARTING)} from the optimum: {listing(stayed)}.")
-    later = [outcome for outcome in seen if outcome.parts_at is not None]
-    if case.scenario.log_abscissa and later:
-        ordered = sorted(later, key=lambda outcome: outcome.parts_at or 0.0)
-        first = max(outcome.parts_at or 0.0 for outcome in later)
-        long = [f"{outcome.label} ({number(outcome.parts_at)})" for outcome in ordered if outcome.parts_at != first]
-        at_once = [outcome.label for outcome in ordered if outcome.parts_at == first]
+    sentences = [f"Never more than {number(PARTING)} from the optimum: {listing(stayed)}."] if stayed else []
+    left = [outcome for outcome in seen if outcome.parts_at is not None]
+    if case.scenario.log_abscissa and left:
+        places = sorted({outcome.parts_at or 0.0 for outcome in left})
+        last, first = places[0], places[-1]
+        long = [outcome for outcome in left if (outcome.parts_at or 0.0) <= 10.0 * last and outcome.parts_at != first]
+        between = [outcome for outcome in left if outcome not in long and outcome.parts_at != first]
+        at_once = [outcome.label for outcome in left if outcome.parts_at == first]
         if long:
-            sentences.append(f"They leave the optimum at this distance, the last to leave first: {listing(long)}.")
+            names = listing([outcome.label for outcome in long])
+            sentences.append(
+                f"Longest at the optimum, to distances of {number(last)} to {number(10.0 * last)}: {names}."
+            )
+        if between:
+            ordered = sorted(between, key=lambda outcome: outcome.parts_at or 0.0)
+            named = listing([f"{outcome.label} ({number(outcome.parts_at)})" for outcome in ordered])
+            sentences.append(f"They leave it before: {named}.")
         sentences.append(f"Away from it from {number(first)} on: {listing(at_once)}.")
-    elif later:
-        named = [
-            f"{outcome.label} ({share(outcome.within)})" for outcome in sorted(later, key=lambda item: -(item.within or 0.0))
-        ]
-        sentences.append(f"Share of the steps within {number(PARTING)} of the optimum: {listing(named)}.")
+    elif left:
+        ordered = sorted(left, key=lambda outcome: -(outcome.within or 0.0))
+        named = listing([f"{outcome.label} ({share(outcome.within)})" for outcome in ordered])
+        sentences.append(f"Share of the steps within {number(PARTING)} of the optimum: {named}.")
     return sentences
 
 
@@ -146,23 +160,50 @@ def _growth(case: Case) -> str:
     )
 
 
-def claims(cases: Sequence[Case]) -> tuple[str, ...]:
-    """The paper's claims on reverse priority, each with whether it held, by case."""
-    sentences = []
+@dataclasses.dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether one claim of the paper held in one case: `holds` in a word or two, `evidence` with the figures."""
+
+    claim: str
+    case: str
+    holds: str
+    evidence: str
+
+
+SAME = "Undamped, it gives the answer of task priority (the lexicographic optimum)"
+UNDISTURBED = "Lower levels do not disturb level 1"
+FREE = "It has no algorithmic singularity: |x| stays bounded without damping"
+DAMPED = "Damped, it passes the singularity with level 1 exact"
+
+
+def claims(cases: Sequence[Case]) -> tuple[Verdict, ...]:
+    """The paper's claims on reverse priority, in the order claim by claim, each with whether it held in each case."""
+    found: list[Verdict] = []
+    for claim, judge in ((SAME, _same_answer), (UNDISTURBED, _undisturbed), (FREE, _singularity_free)):
+        for case in cases:
+            plain = _one(case, is_reverse)
+            verdict = None if plain is None or len(case.levels) < 2 else judge(case, plain)
+            if verdict is not None:
+                found.append(Verdict(claim, case.title, *verdict))
     for case in cases:
-        if len(case.levels) >= 2:
-            sentences += [f"{case.title[0].upper()}{case.title[1:]}: {sentence}" for sentence in _case_claims(case)]
-    return tuple(sentences)
+        found += [Verdict(DAMPED, case.title, *verdict) for verdict in _damped(case)] if len(case.levels) >= 2 else []
+    return tuple(found)
 
 
-def _case_claims(case: Case) -> list[str]:
-    plain = _one(case, is_reverse)
-    classic = _one(case, is_null_space)
-    found = []
-    if plain is not None:
-        found += [_same_answer(case, plain), _undisturbed(plain), _singularity_free(case, plain, classic)]
-    found += _damped(case)
-    return [sentence for sentence in found if sentence]
+def claims_summary(verdicts: Sequence[Verdict]) -> str:
+    """One sentence on the claims: in how many cases each held."""
+    parts = []
+    for claim in dict.fromkeys(verdict.claim for verdict in verdicts if verdict.claim != DAMPED):
+        of_claim = [verdict for verdict in verdicts if verdict.claim == claim]
+        held = [verdict for verdict in of_claim if verdict.holds == "yes"]
+        words = f"{claim[0].lower()}{claim[1:]}"
+        if len(held) == len(of_claim):
+            parts.append(f"'{words}' holds in every case")
+        elif held:
+            parts.append(f"'{words}' holds in {len(held)} of {len(of_claim)} cases ({'; '.join(v.case for v in held)})")
+        else:
+            parts.append(f"'{words}' holds in no case")
+    return f"Of what the paper claims for reverse priority, {listing(parts)}." if parts else ""
 
 
 def is_reverse(contestant: Contestant) -> bool:
@@ -185,69 +226,49 @@ def _one(case: Case, kind: Callable[[Contestant], bool]) -> Outcome | None:
     return found[0] if found else None
 
 
-def _same_answer(case: Case, plain: Outcome) -> str:
+def _same_answer(case: Case, plain: Outcome) -> tuple[str, str] | None:
     others = [
-        outcome
+        outcome.clear_distance
         for outcome in case.outcomes
         if (is_null_space(outcome.contestant) or outcome.contestant.name == "qp_cascade")
         and outcome.clear_distance is not None
     ]
-    if plain.clear_distance is None or not others:
-        return ""
-    near = f"where every sigma is at least {number(CLEAR)}"
-    worst = max(outcome.clear_distance or 0.0 for outcome in others)
-    together = f"{listing([outcome.label for outcome in others])} ({number(worst)} at most)"
-    if plain.clear_distance <= PARTING:
-        verb = "is" if worst <= PARTING else "is not always"
-        return (
-            f"reverse priority returns the lexicographic optimum (relative distance {number(plain.clear_distance)} at most, "
-            f"{near}), and {verb} the same vector as the answers of {together}."
-        )
-    second = plain.excess[1] if len(plain.excess) > 1 else None
-    return (
-        f"reverse priority is not lexicographic: it is up to {number(plain.clear_distance)} |x*| away from the optimum {near}, "
-        f"with up to {number(second)} of level 2's residual avoidable, where {together} reach it."
-    )
+    if plain.clear_distance is None:
+        return None
+    evidence = f"where sigma >= {number(CLEAR)} it is at most {number(plain.clear_distance)} |x*| from the optimum"
+    if others:
+        evidence += f", null space and QP cascades at most {number(max(others))}"
+    if plain.clear_distance > PARTING and len(plain.excess) > 1:
+        evidence += f"; up to {number(plain.excess[1])} of level 2's residual could be avoided"
+    return ("yes" if plain.clear_distance <= PARTING else "no"), evidence
 
 
-def _undisturbed(plain: Outcome) -> str:
-    held = plain.keeps(1)
-    word = "holds" if held else "does not hold"
-    return (
-        f"that lower levels do not disturb level 1 {word} for undamped reverse priority (largest relative excess "
-        f"{number(plain.relative_excess[0])}, allowed {number(KEPT)} beyond rounding)."
-    )
+def _undisturbed(case: Case, plain: Outcome) -> tuple[str, str] | None:
+    evidence = f"excess of level 1 at most {number(plain.excess[0])} (relative {number(plain.relative_excess[0])})"
+    return ("yes" if plain.keeps(1) else "no"), evidence
 
 
-def _singularity_free(case: Case, plain: Outcome, classic: Outcome | None) -> str:
-    growth = case.growth(plain)
+def _singularity_free(case: Case, plain: Outcome) -> tuple[str, str] | None:
+    growth, classic = case.growth(plain), _one(case, is_null_space)
     if growth is None:
-        return ""
-    compared = ""
-    if classic is not None and classic.x_max is not None:
-        compared = f"; classical null-space priority grows to {number(case.growth(classic))} times"
-    word = "holds" if case.bounded(plain) else "does not hold"
-    return (
-        f"that reverse priority is free of algorithmic singularities {word} without damping: |x| grows to {number(growth)} "
-        f"times what is needed far from the singularity{compared}."
-    )
+        return None
+    evidence = f"|x| at most {number(growth)} times the largest |x*| far from the singularity"
+    if classic is not None:
+        evidence += f"; null space: {number(case.growth(classic))} times"
+    return ("yes" if case.bounded(plain) else "no"), evidence
 
 
-def _damped(case: Case) -> list[str]:
+def _damped(case: Case) -> list[tuple[str, str]]:
     found = []
     for outcome in case.outcomes:
-        solver = outcome.contestant.solver
-        damped = outcome.contestant.name == "reverse_priority" and not is_reverse(outcome.contestant)
-        if not damped or outcome.distance is None:
+        if outcome.contestant.name != "reverse_priority" or is_reverse(outcome.contestant) or outcome.distance is None:
             continue
-        place = "only the pseudo-inverse that gives T_k" if getattr(solver, "damp", "") == "t_k" else "every pseudo-inverse"
-        kept = "keeps level 1" if outcome.keeps(1) else f"loses level 1 by up to {number(outcome.excess[0])}"
-        bounded = "bounded" if case.bounded(outcome) else "not bounded"
-        found.append(
-            f"damping {place} ({getattr(solver, 'damping', '')!r}) {kept}; |x| is {bounded} "
-            f"({number(case.growth(outcome))} times), and level 2's excess is up to "
-            f"{number(outcome.excess[1] if len(outcome.excess) > 1 else None)}."
+        holds = outcome.keeps(1) and case.bounded(outcome)
+        evidence = (
+            f"{outcome.label}: excess of level 1 at most {number(outcome.excess[0])}, of level 2 "
+            f"{number(outcome.excess[1])}, |x| {number(case.growth(outcome))} times"
         )
+        found.append(("yes" if holds else "no", evidence))
     return found
 
 

@@ -159,7 +159,9 @@ def levels_frame(parts: pl.DataFrame) -> pl.DataFrame:
 def measured_frame(parts: pl.DataFrame) -> pl.DataFrame:
     """One row for each step and figure that only the scenario could measure."""
     keys = [*RUN, "step", "parameter"]
-    return parts.select(*keys, "measured").filter(pl.col("measured").list.len() > 0).explode("measured").unnest("measured")
+    return (
+        parts.select(*keys, "measured").filter(pl.col("measured").list.len() > 0).explode("measured").unnest("measured")
+    )
 
 
 def runs_frame(steps: pl.DataFrame) -> pl.DataFrame:

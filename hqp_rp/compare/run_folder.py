@@ -88,7 +88,9 @@ class RunFolder:
             self._claim(overwrite)
             (self.path / PARTS).mkdir(exist_ok=True)
         except OSError as error:
-            raise FileError(f"{self.path}: cannot be used as the report's folder ({error.strerror or error}).") from error
+            raise FileError(
+                f"{self.path}: cannot be used as the report's folder ({error.strerror or error})."
+            ) from error
 
     def _claim(self, overwrite: bool) -> None:
         manifest = self.path / MANIFEST
@@ -138,7 +140,9 @@ class RunFolder:
             try:
                 frames.append(pl.read_parquet(path))
             except (OSError, pl.exceptions.PolarsError) as error:
-                raise FileError(f"{path}: not a readable part ({error}); delete it and run the command again.") from error
+                raise FileError(
+                    f"{path}: not a readable part ({error}); delete it and run the command again."
+                ) from error
         return pl.concat(frames)
 
 

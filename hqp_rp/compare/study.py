@@ -175,7 +175,9 @@ def _outcome(
 ) -> Outcome:
     refusals = steps.filter(pl.col("status") == Status.REFUSED.name)["message"]
     clear = steps.filter(~pl.col("ambiguous") & pl.col("distance").is_not_null())
-    false = pl.col("lexicographic") & (pl.col("status") == Status.SOLVED.name) & ~pl.col("certified") & ~pl.col("ambiguous")
+    false = (
+        pl.col("lexicographic") & (pl.col("status") == Status.SOLVED.name) & ~pl.col("certified") & ~pl.col("ambiguous")
+    )
     by_level = run_levels.group_by("level").agg(pl.col("excess_max", "relative_excess_max").max()).sort("level")
     scale = pl.when(pl.col("excess") > 0).then(pl.col("relative_excess") / pl.col("excess")).otherwise(0.0)
     proven = (

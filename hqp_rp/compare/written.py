@@ -8,10 +8,10 @@ import polars as pl
 
 from hqp_rp.compare.chart import styles
 from hqp_rp.compare.figures import grouped, scenario_charts
-from hqp_rp.compare.findings import answer, case_sentences, claims
+from hqp_rp.compare.findings import Verdict, answer, case_sentences, claims
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.report import Report, Section, Table, number, share
-from hqp_rp.compare.study import PARTING, Case
+from hqp_rp.compare.study import BOUNDED, KEPT, PARTING, Case
 from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario
 
@@ -31,10 +31,10 @@ _CANNOT_TELL = (
 def comparison_report(comparison: Comparison) -> Report:
     """The whole report of a comparison, as data."""
     cases = comparison.cases
-    held = claims(cases)
+    verdicts = claims(cases)
     sections = [Section("The answer", answer(cases))]
-    if held:
-        sections.append(Section("What the paper on reverse priority claims", held, listed=True))
+    if verdicts:
+        sections.append(Section("What the paper on reverse priority claims", tables=(_claims(verdicts),)))
     sections += [
         Section("What this cannot tell", _limits(comparison), listed=True),
         Section("Figures", sections=tuple(_figures(scenario, comparison) for scenario in comparison.scenarios)),
@@ -61,18 +61,21 @@ def _words(name: str) -> str:
 
 def _figures(scenario: Scenario, comparison: Comparison) -> Section:
     own = [case for case in comparison.cases if type(case.scenario) is type(scenario)]
-    sentences = [scenario.question]
-    for case in own:
-        before = f"{case.name[0].upper()}{case.name[1:]}: " if case.name else ""
-        sentences.append(before + " ".join(case_sentences(case)))
-    return Section(
-        _words(type(scenario).name).capitalize(),
-        tuple(sentences),
-        charts=tuple(
-            scenario_charts(
-                scenario, comparison.contestants, comparison.steps, comparison.levels, comparison.measured
-            )
-        ),
+    charts = scenario_charts(scenario, comparison.contestants, comparison.steps, comparison.levels, comparison.measured)
+    words = tuple(
+        Section(f"{case.title[0].upper()}{case.title[1:]}: in words", case_sentences(case), listed=True) for case in own
+    )
+    return Section(_words(type(scenario).name).capitalize(), (scenario.question,), charts=tuple(charts), sections=words)
+
+
+def _claims(verdicts: tuple[Verdict, ...]) -> Table:
+    rows = tuple((verdict.claim, verdict.case, verdict.holds, verdict.evidence) for verdict in verdicts)
+    return Table(
+        "Each claim in each case",
+        ("claim", "case", "holds", "evidence"),
+        rows,
+        f"Exact means no more excess than rounding explains (relative {number(KEPT)}); bounded means within {BOUNDED:g} times.",
+        text=frozenset(range(4)),
     )
 
 
@@ -110,9 +113,9 @@ def _outcomes(case: Case) -> Table:
         header,
         tuple(rows),
         f"Distance is |x - x*| / |x*|; leaves at: {case.scenario.abscissa} of the first step beyond {number(PARTING)}, median "
-        "of the seeds; excess: the largest part of a level's residual that the levels before it would have allowed to avoid, in "
-        f"the level's unit. The optimum x* by {methods}. Steps whose rank is ambiguous ({share(case.ambiguous)}) do not count "
-        "in distances and excesses.",
+        "of the seeds; excess: the largest part of a level's residual that the levels before it would have allowed to avoid, "
+        f"in the level's unit. The optimum x* by {methods}. Steps whose rank is ambiguous ({share(case.ambiguous)}) do not "
+        "count in distances and excesses.",
     )
 
 
