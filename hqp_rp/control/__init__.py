@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from hqp_rp.control.center_of_mass_task import CenterOfMassTask
+from hqp_rp.control.collision_limit import CollisionLimit
 from hqp_rp.control.force import ForceReference
+from hqp_rp.control.half_space_limit import HalfSpaceLimit
 from hqp_rp.control.hybrid import HybridReference
 from hqp_rp.control.impedance import ImpedanceReference
 from hqp_rp.control.interaction_controller import Command, InteractionController, Mode
@@ -19,14 +21,17 @@ from hqp_rp.control.reference import Reference
 from hqp_rp.control.relative_pose_task import RelativePoseTask
 from hqp_rp.control.stack import Stack
 from hqp_rp.control.task import FeedbackTask, Task
+from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import Wrench, WrenchSensor
 
 __all__ = [
     "CenterOfMassTask",
+    "CollisionLimit",
     "Command",
     "FeedbackTask",
     "ForceReference",
+    "HalfSpaceLimit",
     "HybridReference",
     "ImpedanceReference",
     "InteractionController",
@@ -43,6 +48,7 @@ __all__ = [
     "RelativePoseTask",
     "Stack",
     "Task",
+    "TorqueLimit",
     "TwistTask",
     "VelocityLimit",
     "Wrench",

@@ -248,6 +248,17 @@ class MujocoRobot:
         mujoco.mj_rne(self._model, self._data, 0, torque)
         return torque
 
+    def bias(self, v: FloatArray) -> FloatArray:
+        """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau, for v (nv,): Coriolis, centrifugal and gravity torques."""
+        torque = np.empty(self._model.nv)
+        self._data.qvel[:] = checked_vector(v, self.nv, "v")
+        mujoco.mj_comVel(self._model, self._data)
+        mujoco.mj_rne(self._model, self._data, 0, torque)
+        # The private state is at rest for every other method.
+        self._data.qvel[:] = 0.0
+        mujoco.mj_comVel(self._model, self._data)
+        return torque
+
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
         result = self._checked(q, "q").copy()

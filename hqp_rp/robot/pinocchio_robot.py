@@ -232,6 +232,11 @@ class PinocchioRobot:
         """(nv,) generalized gravity torque g(q) in M(q) a + h(q, v) + g(q) = tau."""
         return np.array(pin.computeGeneralizedGravity(self._model, self._dynamics, self._normalized))
 
+    def bias(self, v: FloatArray) -> FloatArray:
+        """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau, for v (nv,): Coriolis, centrifugal and gravity torques."""
+        velocity = checked_vector(v, self._nv, "v")
+        return np.array(pin.nonLinearEffects(self._model, self._dynamics, self._normalized, velocity))
+
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
         step = checked_vector(v, self._nv, "v") * dt

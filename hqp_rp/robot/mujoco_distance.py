@@ -1,0 +1,167 @@
+"""Distances between geoms of a MuJoCo model, with their derivatives."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.mujoco_robot import MujocoRobot
+
+Side = str | Sequence[str]
+
+_TOUCHING = 1e-7
+"""m: below this distance the line between the nearest points has no direction to be relied on."""
+_NUDGE = 1e-4
+"""m: how far a touching geom is moved to find the direction in which it would leave."""
+_PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+_HEIGHT_FIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
+
+
+class MujocoDistances:
+    """Signed distances between pairs of geoms, and their Jacobians, at the configuration of a `MujocoRobot`.
+
+    With p_1 and p_2 the nearest points of the two geoms and n the unit vector from p_1 to p_2 (where they overlap, the
+    points are those of deepest overlap, the distance is negative and n points from p_2 to p_1)::
+
+        distance = n . (p_2 - p_1),      d(distance)/dt = n . (J_{p_2} - J_{p_1}) v
+
+    with J_p the linear Jacobian of the body point that is at p. This is the exact derivative wherever the distance has one:
+    the nearest points slide along surfaces to which n is normal. It jumps where the nearest points do, as between the edges
+    of boxes, and is less exact the deeper two geoms overlap. Distances come from `mujoco.mj_geomDistance`: closed forms for
+    spheres, capsules and planes, else an iteration that ends at the model's `ccd_tolerance` (1e-6 m by default).
+
+    Args:
+        robot: its model is used; it is not changed.
+        pairs: what is measured: pairs (a, b), each side the name of a geom or a body or a sequence of names. A body
+            stands for its geoms that collide (all of them where none does). Every geom of a against every geom of b.
+        detection: m, > 0: pairs farther apart are not looked at.
+
+    Attributes:
+        geoms: (m, 2) pairs of geom ids, one row for each pair of geoms. names: their names.
+
+    Raises:
+        RobotError: an unknown or ambiguous name (geoms and bodies are listed), a pair of geoms that cannot move against
+            each other, or a kind of geom that MuJoCo cannot measure.
+    """
+
+    def __init__(self, robot: MujocoRobot, pairs: Sequence[tuple[Side, Side]], *, detection: float = 1.0) -> None:
+        if not isinstance(robot, MujocoRobot):
+            raise RobotError(
+                f"distances between geoms need a robot that MuJoCo computes; this one is a {type(robot).__name__}. Load it "
+                "as hqp_rp.robot.MujocoRobot."
+            )
+        self._model = model = robot.model
+        self._data = mujoco.MjData(model)
+        self._detection = float(detection)
+        found: dict[tuple[int, int], None] = {}
+        for a, b in pairs:
+            for first, second in itertools.product(_geoms(model, a), _geoms(model, b)):
+                if (second, first) not in found:
+                    found[_measurable(model, first, second)] = None
+        self.geoms: tuple[tuple[int, int], ...] = tuple(found)
+        self.names = tuple((geom_name(model, a), geom_name(model, b)) for a, b in self.geoms)
+        self._fromto = np.empty(6)
+        self._jacobians = np.empty((2, 3, int(model.nv)))
+
+    def __len__(self) -> int:
+        return len(self.geoms)
+
+    def distances(self, q: FloatArray) -> FloatArray:
+        """(m,) distances in m at the configuration q (nq,); infinite for pairs beyond the detection distance."""
+        self._place(q)
+        return np.array([self._measure(a, b) for a, b in self.geoms])
+
+    def evaluate(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances (m,) in m and their Jacobian (m, nv) in m per unit v; infinite and zero beyond detection."""
+        model, data = self._model, self._data
+        self._place(q)
+        mujoco.mj_comPos(model, data)
+        distances, jacobian = np.empty(len(self.geoms)), np.zeros((len(self.geoms), int(model.nv)))
+        first, second = self._jacobians
+        for i, (a, b) in enumerate(self.geoms):
+            distances[i] = distance = self._measure(a, b)
+            if distance == np.inf:
+                continue
+            points = self._fromto.copy()
+            normal = self._normal(a, b, distance, points[3:] - points[:3])
+            mujoco.mj_jac(model, data, first, None, points[:3], model.geom_bodyid[a])
+            mujoco.mj_jac(model, data, second, None, points[3:], model.geom_bodyid[b])
+            np.matmul(normal, second - first, out=jacobian[i])
+        return distances, jacobian
+
+    def _place(self, q: FloatArray) -> None:
+        self._data.qpos[:] = q
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def _measure(self, a: int, b: int) -> float:
+        """The distance, or infinity beyond the detection distance; the nearest points are left in `_fromto`."""
+        found = float(mujoco.mj_geomDistance(self._model, self._data, a, b, self._detection, self._fromto))
+        return found if found < self._detection else np.inf
+
+    def _normal(self, a: int, b: int, distance: float, line: FloatArray) -> FloatArray:
+        length = float(np.linalg.norm(line))
+        if length > _TOUCHING:
+            return np.asarray(line * (np.copysign(1.0, distance) / length))
+        # The points coincide: the distance's gradient by moving b, which is n.
+        position = self._data.geom_xpos[b]
+        origin, gradient = position.copy(), np.empty(3)
+        for axis in range(3):
+            ends = []
+            for nudge in (_NUDGE, -_NUDGE):
+                position[axis] = origin[axis] + nudge
+                ends.append(self._measure(a, b))
+            position[axis] = origin[axis]
+            gradient[axis] = ends[0] - ends[1]
+        size = float(np.linalg.norm(gradient))
+        return gradient / size if 0.0 < size < np.inf else np.array([0.0, 0.0, 1.0])
+
+
+def geom_name(model: mujoco.MjModel, geom: int) -> str:
+    """The geom's name, or where it has none "geom 3 of BODY"."""
+    return model.geom(geom).name or f"geom {geom} of {model.body(model.geom_bodyid[geom]).name or 'an unnamed body'}"
+
+
+def _geoms(model: mujoco.MjModel, side: Side) -> list[int]:
+    names = [side] if isinstance(side, str) else list(side)
+    return list(dict.fromkeys(geom for name in names for geom in _named(model, name)))
+
+
+def _named(model: mujoco.MjModel, name: str) -> list[int]:
+    """The geoms that a name stands for."""
+    geoms = {model.geom(i).name: i for i in range(model.ngeom) if model.geom(i).name}
+    bodies = {model.body(i).name: i for i in range(model.nbody) if model.body(i).name}
+    kind, _, bare = str(name).partition(":")
+    as_geom = [geoms[name]] if name in geoms else [geoms[bare]] if kind == "geom" and bare in geoms else []
+    body = bodies.get(name, bodies.get(bare) if kind == "body" else None)
+    if body is None and not as_geom:
+        valid = (*geoms, *(f"body:{other}" if other in geoms else other for other in bodies))
+        raise RobotError(f"Distances: {unknown_name('geom or body', name, valid)}")
+    if body is None:
+        return as_geom
+    start, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
+    own = list(range(start, start + count)) if count else []
+    colliding = [i for i in own if model.geom_contype[i] or model.geom_conaffinity[i]] or own
+    if as_geom and as_geom != colliding:
+        raise RobotError(
+            f"Distances: {name!r} is both a geom and a body with other geoms: write 'geom:{name}' or 'body:{name}'."
+        )
+    if not colliding:
+        raise RobotError(f"Distances: the body {name!r} has no geom to measure from; name another body or a geom.")
+    return colliding
+
+
+def _measurable(model: mujoco.MjModel, a: int, b: int) -> tuple[int, int]:
+    shown = f"Distances: the pair {geom_name(model, a)!r}, {geom_name(model, b)!r}"
+    kinds = {int(model.geom_type[a]), int(model.geom_type[b])}
+    if _HEIGHT_FIELD in kinds or kinds == {_PLANE}:
+        what = "two planes" if kinds == {_PLANE} else "a height field"
+        raise RobotError(f"{shown} has {what}, whose distance MuJoCo does not compute; use a box or a mesh instead.")
+    weld = model.body_weldid
+    if weld[model.geom_bodyid[a]] == weld[model.geom_bodyid[b]]:
+        raise RobotError(f"{shown} is fixed on one rigid body, so that its distance never changes; leave it out.")
+    return a, b
