@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-from typing import ClassVar, Literal, cast
+from typing import ClassVar, Literal
 
 from hqp_rp.core.closed_form import ClosedForm, Kernel
 from hqp_rp.core.errors import unknown_name
@@ -49,12 +48,8 @@ class ReversePriority(ClosedForm):
             raise unknown_name("place to damp in reverse_priority", self.damp, PLACES)
 
     def kernel(self) -> Kernel:
-        return _kernel(self.form == "projector", self.damp == "everywhere" and self.damping.kind != 0)
+        from hqp_rp.core.kernels import reverse
 
-
-@functools.cache
-def _kernel(projector: bool, everywhere: bool) -> Kernel:
-    from hqp_rp.core.kernels import reverse
-
-    run = cast(Kernel, reverse.reverse_priority_damped_everywhere if everywhere else reverse.reverse_priority)
-    return lambda *arguments: run(*arguments[:-1], projector, arguments[-1])
+        if self.damp == "everywhere" and self.damping.kind != 0:
+            return reverse.damped_projector_form if self.form == "projector" else reverse.damped_columns_form
+        return reverse.projector_form if self.form == "projector" else reverse.columns_form

@@ -12,7 +12,7 @@ import numpy as np
 
 from hqp_rp.core.damping import Damping, NoDamping, checked_damping
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
 
@@ -58,6 +58,15 @@ class ClosedForm(Solver):
     def kernel(self) -> Kernel:
         """The compiled kernel for these settings."""
 
+    @functools.cached_property
+    def _bound(self) -> tuple[Kernel, float, int, float, float]:
+        """The kernel and its settings, looked up once: a control loop pays for the solve alone."""
+        first, second = self.damping.parameters
+        return self.kernel(), float(self.rank_tolerance), self.damping.kind, first, second
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in self.__dict__.items() if name != "_bound"}
+
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         if problem.hard is not None or not problem.is_equality:
             refusal = self._refusal(problem)
@@ -67,18 +76,18 @@ class ClosedForm(Solver):
         return self._run(problem, matrix, rhs, offsets, secondary)
 
     def _run(
-        self, problem: Problem, matrix: FloatArray, rhs: FloatArray, offsets: object, secondary: FloatArray | None
+        self, problem: Problem, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray | None
     ) -> Solution:
+        kernel, tolerance, kind, first, second = self._bound
         x = np.empty(problem.n)
         free = zeros(problem.n) if secondary is None else secondary
-        first, second = self.damping.parameters
         try:
-            code = self.kernel()(matrix, rhs, offsets, free, self.rank_tolerance, self.damping.kind, first, second, x)
+            code = kernel(matrix, rhs, offsets, free, tolerance, kind, first, second, x)
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             code = 0.0
         if not code:
             return Solution(problem, None, Status.NOT_FINITE, 0, _OVERFLOW, secondary)
-        return self._judged(Solution(problem, x, Status.SOLVED, 0, "", secondary), float(code))
+        return self._judged(Solution(problem, x, Status.SOLVED, 0, "", secondary), code)
 
     def _judged(self, solution: Solution, code: float) -> Solution:
         return solution

@@ -7,14 +7,16 @@ import numpy as np
 from hqp_rp.core.kernels.compile import kernel
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
-    factor,
     forward_substitution,
     frobenius,
     load,
     lower_block,
     spectral,
     tall_least_squares,
-    turn_back,
+    triangle,
+    turn_back_by,
+    turn_back_reflectors,
+    turn_by_svd,
 )
 
 
@@ -57,47 +59,63 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     """
     M, n = A.shape
     p = len(offsets) - 1
-    W = np.empty((M, n))
-    rhs = np.empty(M)
-    scale = np.empty(p)
+    room = np.empty(M * n + 3 * M + p + n)
+    W = room[: M * n].reshape((M, n))
+    rhs = room[M * n : M * n + M]
+    t = room[M * n + M : M * n + 2 * M]
+    ref_tau = room[M * n + 2 * M : M * n + 3 * M]
+    scale = room[M * n + 3 * M : M * n + 3 * M + p]
+    y = room[M * n + 3 * M + p :]
     if not load(A, b, offsets, W, rhs, scale):
         return False
     for i in range(M):
         for j in range(n):
             rhs[i] -= W[i, j] * z[j]
-    ref_row = np.empty(M, np.int64)
-    ref_col = np.empty(M, np.int64)
-    ref_tau = np.empty(M)
-    start = np.zeros(p + 1, np.int64)
-    column = np.zeros(p, np.int64)
-    turned = np.zeros(p, np.int64)
+    counts = np.empty(2 * M + 3 * p + 1, np.int64)
+    ref_row = counts[:M]
+    ref_col = counts[M : 2 * M]
+    start = counts[2 * M : 2 * M + p + 1]
+    column = counts[2 * M + p + 1 : 2 * M + 2 * p + 1]
+    turned = counts[2 * M + 2 * p + 1 :]
     turns = np.empty((1, 0, 0))
-    t = np.empty(M)
-    y = np.zeros(n)
+    start[0] = 0
+    for j in range(n):
+        y[j] = 0.0
     c0 = 0
     for k in range(p):
         r0 = offsets[k]
         r1 = offsets[k + 1]
-        r, rank, V, U, S = factor(
-            W, r0, r1, c0, M, rhs, A, r0, r1, scale[k], tol, kind != 0, start[k], ref_row, ref_col, ref_tau
-        )
+        column[k] = c0
+        turned[k] = 0
+        norm = scale[k] * frobenius(A, r0, r1)
+        r, proven = triangle(W, r0, r1, c0, M, rhs, norm, tol, start[k], ref_row, ref_col, ref_tau)
+        start[k + 1] = start[k] + r
+        if r == 0:
+            continue
         for i in range(r1 - r0):
             s = rhs[r0 + i]
             for j in range(c0):
                 s -= W[r0 + i, j] * y[j]
             t[i] = s
+        if proven and kind == 0:
+            if r == r1 - r0:
+                forward_substitution(W, r0, c0, r, t, y)
+            else:
+                tall_least_squares(lower_block(W, r0, r1, c0, r), t)
+                y[c0 : c0 + r] = t[:r]
+            c0 += r
+            continue
+        rank, V, U, S = turn_by_svd(W, r0, r1, c0, M, r, tol * scale[k] * spectral(A, r0, r1))
         solve_level(W, r0, r1, c0, r, rank, U, S, t, 0.0, scale[k], kind, first, second, y)
-        column[k] = c0
-        start[k + 1] = start[k] + r
-        if len(S):
-            if turns.shape[1] == 0:
-                turns = np.empty((p, n, n))
-            turned[k] = r
-            turns[k, :r, :r] = V
+        if turns.shape[1] == 0:
+            turns = np.empty((p, n, n))
+        turned[k] = r
+        turns[k, :r, :r] = V
         c0 += rank
     for k in range(p - 1, -1, -1):
-        V = turns[k, : turned[k], : turned[k]] if turned[k] else turns[0, :0, :0]
-        turn_back(W, y, column[k], V, start[k], start[k + 1], ref_row, ref_col, ref_tau)
+        if turned[k]:
+            turn_back_by(turns[k], turned[k], y, column[k])
+        turn_back_reflectors(W, y, start[k], start[k + 1], ref_row, ref_col, ref_tau)
     for j in range(n):
         x[j] = z[j] + y[j]
     return finite(x)

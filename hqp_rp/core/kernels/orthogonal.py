@@ -45,13 +45,19 @@ def load(A, b, offsets, W, rhs, scale):
 
 @kernel
 def frobenius(W, r0, r1):
-    """Frobenius norm of rows r0:r1 of W."""
+    """Frobenius norm of rows r0:r1 of W, without overflow."""
+    s = 0.0
+    for i in range(r0, r1):
+        for j in range(W.shape[1]):
+            s += W[i, j] * W[i, j]
+    if 1e-280 < s < 1e280:
+        return math.sqrt(s)
     big = 0.0
     for i in range(r0, r1):
         for j in range(W.shape[1]):
             big = max(big, abs(W[i, j]))
-    if big == 0.0:
-        return 0.0
+    if big == 0.0 or not big < np.inf:
+        return big
     s = 0.0
     for i in range(r0, r1):
         for j in range(W.shape[1]):
@@ -123,8 +129,13 @@ def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):
 @kernel
 def inverse_norm(W, r0, c0, r):
     """Frobenius norm of the inverse of the leading r x r triangle of L: 1 / it is a rigorous bound below sigma_min(L)."""
-    column = np.empty(r)
     total = 0.0
+    for i in range(r):
+        total += 1.0 / (W[r0 + i, c0 + i] * W[r0 + i, c0 + i])
+    if r == 1:
+        return math.sqrt(total)
+    total = 0.0
+    column = np.empty(r)
     for j in range(r):
         for i in range(j, r):
             s = 1.0 if i == j else 0.0
@@ -146,30 +157,24 @@ def lower_block(W, r0, r1, c0, r):
 
 
 @kernel
-def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, ref_row, ref_col, ref_tau):
-    """Factor rows r0:r1 within columns c0: and decide their rank by the library's rule.
+def triangle(W, r0, r1, c0, rows_end, rhs, norm, tol, t0, ref_row, ref_col, ref_tau):
+    """`lq` of rows r0:r1 within columns c0:, and whether its triangle proves that no singular value counts as zero.
 
-    The rule: a singular value of A_k Z counts as zero when it is <= tol * ||A_k||_2. Where the triangle's inverse proves
-    every singular value to be above it, no SVD is needed; else (or when `svd` asks for it) L = U S V^T decides and the
-    columns are turned by V as well. A_k itself, before any transformation, is `unit` * original[o0:o1].
-
-    Returns (reflectors, rank, V, U, S): V, U, S are empty when no SVD was needed; then rows r0:r1 hold L itself.
+    norm: ||A_k||_F of the rows before any transformation. Returns (reflectors, proven).
     """
     m = r1 - r0
     n = W.shape[1]
-    empty = np.empty((0, 0))
-    none = np.empty(0)
-    norm = unit * frobenius(original, o0, o1)
     if m == 0 or c0 == n or norm == 0.0:
-        return 0, 0, empty, empty, none
+        return 0, True
     floor = min(64.0 * EPS, tol / math.sqrt(min(m, n))) * norm
     r = lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau)
-    if r == 0:
-        return 0, 0, empty, empty, none
-    if not svd and tol * norm * inverse_norm(W, r0, c0, r) < 1.0:
-        return r, r, empty, empty, none
+    return r, r == 0 or tol * norm * inverse_norm(W, r0, c0, r) < 1.0
+
+
+@kernel
+def turn_by_svd(W, r0, r1, c0, rows_end, r, zero):
+    """Turn columns c0:c0 + r of the rows below by V of L = U S V^T; returns (rank, V, U, S), with S <= zero counted as zero."""
     U, S, Vt = np.linalg.svd(lower_block(W, r0, r1, c0, r), False)
-    zero = tol * unit * spectral(original, o0, o1)
     rank = 0
     while rank < r and S[rank] > zero:
         rank += 1
@@ -183,7 +188,26 @@ def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, r
             turned[j] = s
         for j in range(r):
             W[i, c0 + j] = turned[j]
-    return r, rank, V, U.copy(), S
+    return rank, V, U.copy(), S
+
+
+@kernel
+def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, ref_row, ref_col, ref_tau):
+    """Factor rows r0:r1 within columns c0: and decide their rank by the library's rule.
+
+    The rule: a singular value of A_k Z counts as zero when it is <= tol * ||A_k||_2. Where the triangle's inverse proves
+    every singular value to be above it, no SVD is needed; else (or when `svd` asks for it) L = U S V^T decides and the
+    columns are turned by V as well. A_k itself, before any transformation, is `unit` * original[o0:o1].
+
+    Returns (reflectors, rank, V, U, S): V, U, S are empty when no SVD was needed; then rows r0:r1 hold L itself.
+    """
+    norm = unit * frobenius(original, o0, o1)
+    r, proven = triangle(W, r0, r1, c0, rows_end, rhs, norm, tol, t0, ref_row, ref_col, ref_tau)
+    if r == 0 or (proven and not svd):
+        empty = np.empty((0, 0))
+        return r, r, empty, empty, np.empty(0)
+    rank, V, U, S = turn_by_svd(W, r0, r1, c0, rows_end, r, tol * unit * spectral(original, o0, o1))
+    return r, rank, V, U, S
 
 
 @kernel
@@ -261,19 +285,22 @@ def tall_least_squares(C, t):
 
 
 @kernel
-def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):
-    """y <- Q_k y for one level: its V (empty when there is none), then its reflectors in reverse."""
+def turn_back_by(V, r, y, c0):
+    """y[c0:c0 + r] <- V y[c0:c0 + r], V its leading r x r part."""
+    turned = np.empty(r)
+    for i in range(r):
+        s = 0.0
+        for col in range(r):
+            s += V[i, col] * y[c0 + col]
+        turned[i] = s
+    for i in range(r):
+        y[c0 + i] = turned[i]
+
+
+@kernel
+def turn_back_reflectors(W, y, t0, t1, ref_row, ref_col, ref_tau):
+    """y <- Q y by reflectors t0:t1, in reverse order."""
     n = W.shape[1]
-    r = len(V)
-    if r:
-        turned = np.empty(r)
-        for i in range(r):
-            s = 0.0
-            for col in range(r):
-                s += V[i, col] * y[c0 + col]
-            turned[i] = s
-        for i in range(r):
-            y[c0 + i] = turned[i]
     for t in range(t1 - 1, t0 - 1, -1):
         c = ref_col[t]
         row = ref_row[t]
@@ -284,6 +311,14 @@ def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):
         y[c] -= dot
         for col in range(c + 1, n):
             y[col] -= dot * W[row, col]
+
+
+@kernel
+def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):
+    """y <- Q_k y for one level: its V (empty when there is none), then its reflectors."""
+    if len(V):
+        turn_back_by(V, len(V), y, c0)
+    turn_back_reflectors(W, y, t0, t1, ref_row, ref_col, ref_tau)
 
 
 @kernel

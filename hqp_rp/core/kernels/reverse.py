@@ -301,3 +301,27 @@ def reverse_priority_damped_everywhere(A, b, offsets, z, tol, kind, first, secon
             step = T @ (pseudo_inverse(inner, tol * spectral(inner, 0, m), kind, first, second) @ t)
         x += step
     return finite(x)
+
+
+@kernel
+def columns_form(A, b, offsets, z, tol, kind, first, second, x):
+    """(29), damped by T_k alone."""
+    return reverse_priority(A, b, offsets, z, tol, kind, first, second, False, x)
+
+
+@kernel
+def projector_form(A, b, offsets, z, tol, kind, first, second, x):
+    """(20)-(22), damped by T_k alone."""
+    return reverse_priority(A, b, offsets, z, tol, kind, first, second, True, x)
+
+
+@kernel
+def damped_columns_form(A, b, offsets, z, tol, kind, first, second, x):
+    """(29), damped everywhere."""
+    return reverse_priority_damped_everywhere(A, b, offsets, z, tol, kind, first, second, False, x)
+
+
+@kernel
+def damped_projector_form(A, b, offsets, z, tol, kind, first, second, x):
+    """(20)-(22), damped everywhere."""
+    return reverse_priority_damped_everywhere(A, b, offsets, z, tol, kind, first, second, True, x)
