@@ -117,6 +117,10 @@ class HierarchicalActiveSet(Solver):
             return Solution(
                 problem, x if self.least_violation else None, Status.INFEASIBLE, iterations, message, secondary
             )
+        if (
+            code == active_set.LIMIT and kept is not None
+        ):  # a guess may lead into a cycle that a fresh start does not meet
+            return self.solve(problem, secondary)
         if code == active_set.LIMIT:
             message = f"No optimal working set in {limit} iterations; raise max_iterations."
             return Solution(problem, None, Status.ITERATION_LIMIT, iterations, message, secondary)

@@ -117,6 +117,21 @@ def test_barely_feasible_hard_rows_are_met():
         np.testing.assert_allclose(solution.x, [2.0, -1.0], atol=1e-9)
 
 
+def test_a_step_across_a_narrow_band_meets_its_other_side():
+    # Level 1 pulls x below a band that it is above of: the row must count again from below.
+    rows = Level([[1.0, 0.0], [1.0, 0.0], [1.0, 0.0]], [2.0, -10.0, -10.0], [2.1, -10.0, -10.0], name="band and pull")
+    hard = Level([[1.0, 0.0]], [-np.inf], [50.0])
+    problem = Problem([rows], hard=hard)
+    for start in (None, np.array([40.0, 0.0])):
+        solver = get_solver(NAME)
+        if start is not None:
+            solver.solve(Problem([Level.equality([[1.0, 0.0]] * 3, [40.0] * 3)], hard=hard))
+        np.testing.assert_allclose(solver.solve(problem).x, truth(problem).x, atol=1e-12)
+    for seed in (5, 17, 29):
+        wide = two_sided(seed, n=4, rows=(5, 6, 6), band=0.2)
+        np.testing.assert_allclose(solve(wide, NAME).x, truth(wide).x, atol=1e-10)
+
+
 def test_warm_and_cold_agree_along_a_path_and_warm_takes_fewer_iterations():
     warm, cold = get_solver(NAME), get_solver(NAME, warm_start=False)
     base = over_constrained(3, rows=(3, 3, 7))

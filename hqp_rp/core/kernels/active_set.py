@@ -375,6 +375,12 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
                         worst_size, worst = wrong, row
             if worst < 0:
                 break
+            if state[worst] != KEPT and value[worst] < low[worst]:
+                side[worst] = -1  # a narrow band was crossed: violated on its other side
+                continue
+            if state[worst] != KEPT and value[worst] > up[worst]:
+                side[worst] = 1
+                continue
             working[worst] = False
             side[worst] = 0
             nW = compress(W, nW, working)
