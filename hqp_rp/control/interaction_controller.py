@@ -35,7 +35,7 @@ class Mode(enum.Enum):
     STOPPED = "Something failed: the command is zero until a reset."
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Command:
     """One control step.
 

@@ -12,6 +12,9 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
+LARGEST_READING = 1e100
+"""N and N m: what is beyond it would overflow in the computation, and counts as not finite."""
+
 Measures: TypeAlias = Literal["on_environment", "on_robot"]
 
 
@@ -60,8 +63,9 @@ class Wrench:
 class WrenchSensor:
     """Turns the readings of a force and torque sensor into `Wrench`es, and refuses the ones that cannot be trusted.
 
-    - **Missing**: a reading that is None or has an entry that is not finite. The last good one stands in for it, turned
-      with the robot, for at most `missing_after`; then there is a fault. Before the first good reading there is one at once.
+    - **Missing**: a reading that is None, or has an entry that is not finite (or beyond 1e100). The last good one stands
+      in for it, turned with the robot, for at most `missing_after`; then there is a fault. Before the first good reading
+      there is one at once.
     - **Frozen**: all six numbers are the same, bit for bit, for `frozen_after`. Noise changes a living sensor's numbers;
       a simulated sensor in free space reads exactly 0, so zeros count only with `zeros_freeze`. The window must be longer
       than the sensor's own period.
@@ -141,7 +145,8 @@ class WrenchSensor:
         values = None if reading is None else _six(reading)
         slack = 1e-9 * dt
         self._fault = ""
-        if values is None or not np.isfinite(values).all():
+        # A NaN fails the comparison as well.
+        if values is None or not (np.abs(values) <= LARGEST_READING).all():
             self._missing += dt
             if self._last is None:
                 self._fault = "There has been no force reading yet."
