@@ -20,6 +20,7 @@ from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 
 if TYPE_CHECKING:
+    from hqp_rp import problems
     from hqp_rp.core.certificate import Certificate, certify
     from hqp_rp.core.diagnostics import LevelReport, Singularity, diagnose
     from hqp_rp.core.distance import Distance, distance
@@ -57,6 +58,7 @@ __all__ = [
     "distance",
     "get_solver",
     "load_problem",
+    "problems",
     "save_problem",
     "solve",
     "truth",
@@ -79,6 +81,8 @@ _LAZY = {
 
 
 def __getattr__(name: str) -> Any:
+    if name == "problems":
+        return importlib.import_module("hqp_rp.problems")
     if name not in _LAZY:
         raise AttributeError(f"module 'hqp_rp' has no attribute {name!r}")
     return getattr(importlib.import_module(f"hqp_rp.{_LAZY[name]}"), name)
