@@ -1,8 +1,7 @@
 """A quick proof that an answer is the lexicographic optimum: sufficient, not necessary (`hqp_rp.core.verify`).
 
 The excess of a level is bounded from above as `certify` defines it. Rows are carried in the coordinates of the freedom
-that judged levels leave, W (M + 1, d); the last row is x - zeta. Where inequality rows are active, the multipliers of the
-unconstrained least squares, cut off at zero, give the bound; certify searches for the best ones.
+that judged levels leave, W (M + 1, d); the last row is x - zeta.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from hqp_rp.core.kernels.orthogonal import EPS, factor, frobenius, load, lower_b
 STEP_COST = 1e-5  # as in certify
 GONE = 1  # judged, holds nothing or is part of the freedom already taken
 HELD = 2  # an active inequality row of a judged level
+LATER = 3  # the same, of the level that is being judged
 
 
 @kernel
@@ -26,27 +26,75 @@ def length_of(v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def projected(C, v, size, rank_tol):  # type: ignore[no-untyped-def]
-    """Norm of the part of v (m,) in range(C), C (m, d); singular values <= rank_tol * size count as zero."""
-    m, d = C.shape
-    work = C.copy()
-    right = v.copy()
-    ref_row = np.empty(m, np.int64)
-    ref_col = np.empty(m, np.int64)
-    ref_tau = np.empty(m)
-    r, rank, _, U, S = factor(
-        work, 0, m, 0, m, right, C, 0, m, max(size / frobenius(C, 0, m), 1.0), rank_tol, False, 0, ref_row, ref_col, ref_tau
-    )
+def projected(work, m, r, rank, U, S, v):  # type: ignore[no-untyped-def]
+    """Norm of the part of v (m,) in the range of the m rows that `factor` left in `work` with (r, rank, U, S)."""
     if rank == 0:
         return 0.0
     if len(S):
-        return length_of(np.dot(np.ascontiguousarray(U[:, :rank].T), right))
+        return length_of(np.dot(np.ascontiguousarray(U[:, :rank].T), v))
     if r == m:
         return length_of(v)
     L = lower_block(work, 0, m, 0, r)
-    t = right.copy()
+    t = v.copy()
     tall_least_squares(L.copy(), t)
     return length_of(np.dot(L, t[:r].copy()))
+
+
+@kernel
+def nonnegative(C, y):  # type: ignore[no-untyped-def]
+    """y - C w for a w >= 0 that makes it short (Lawson and Hanson 1974): any w >= 0 gives an upper bound."""
+    d, k = C.shape
+    w = np.zeros(k)
+    passive = np.zeros(k, np.bool_)
+    rest = y.copy()
+    least = 1e-13 * length_of(y)
+    index = np.empty(k, np.int64)
+    for _ in range(3 * k + 10):
+        entering = -1
+        most = least
+        for i in range(k):
+            if not passive[i]:
+                pull = np.sum(C[:, i] * rest)
+                if pull > most:
+                    most = pull
+                    entering = i
+        if entering < 0:
+            break
+        passive[entering] = True
+        kept = w.copy()
+        count = 0
+        while True:
+            count = 0
+            for i in range(k):
+                if passive[i]:
+                    index[count] = i
+                    count += 1
+            if count == 0 or count > d:
+                break
+            t = y.copy()
+            tall_least_squares(C[:, index[:count]].copy(), t)
+            step = 1.0
+            for i in range(count):
+                old = w[index[i]]
+                if t[i] <= 0.0:
+                    step = min(step, old / (old - t[i]) if old > t[i] else 0.0)
+            for i in range(count):
+                w[index[i]] += step * (t[i] - w[index[i]])
+                if t[i] <= 0.0 and w[index[i]] <= 1e-15 * abs(t[i]):
+                    w[index[i]] = 0.0
+                    passive[index[i]] = False
+            if step == 1.0:
+                break
+            if not passive[entering] and step == 0.0:
+                break
+        if count > d:
+            return rest
+        following = y - np.dot(C, np.maximum(w, 0.0))
+        if not length_of(following) < length_of(rest):
+            w = kept
+            break
+        rest = following
+    return rest
 
 
 @kernel
@@ -67,19 +115,7 @@ def against_held(C, v, H, size):  # type: ignore[no-untyped-def]
             s += columns[j, i] ** 2
         if s > 0.0:
             columns[:, i] /= math.sqrt(s)
-    weights = np.maximum(np.linalg.lstsq(columns, -slope, 1e-14)[0], 0.0)
-    return length_of(slope + np.dot(columns, weights))
-
-
-@kernel
-def removable(C, v, H, size, rank_tol):  # type: ignore[no-untyped-def]
-    """An upper bound of the part of v that moves allowed by H remove through C; both in the free coordinates."""
-    m, d = C.shape
-    if m == 0 or d == 0 or size == 0.0:
-        return 0.0
-    if len(H) == 0:
-        return projected(C, v, size, rank_tol)
-    return against_held(C, v, H, size)
+    return length_of(nonnegative(columns, -slope))
 
 
 @kernel
@@ -106,22 +142,22 @@ def held_rows(W, state, side):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def take(W, fixed, count, original, o0, o1, state, rank_tol):  # type: ignore[no-untyped-def]
-    """The rows of W in the coordinates that the `count` fixed rows leave free (M + 1, d - rank)."""
+def take(W, fixed, count, v, original, o0, o1, rank_tol):  # type: ignore[no-untyped-def]
+    """(W in the coordinates that the `count` fixed rows leave free, the norm of the part of v that those rows reach)."""
     total, d = W.shape
     work = np.empty((count + total, d))
+    right = np.empty(count)
     for i in range(count):
-        for j in range(d):
-            work[i, j] = W[fixed[i], j]
+        work[i] = W[fixed[i]]
+        right[i] = v[fixed[i]]
     work[count:] = W
-    right = np.zeros(count)
     ref_row = np.empty(count, np.int64)
     ref_col = np.empty(count, np.int64)
     ref_tau = np.empty(count)
-    _, rank, _, _, _ = factor(
+    r, rank, _, U, S = factor(
         work, 0, count, 0, count + total, right, original, o0, o1, 1.0, rank_tol, False, 0, ref_row, ref_col, ref_tau
     )
-    return work[count:, rank:].copy()
+    return work[count:, rank:].copy(), projected(work, count, r, rank, U, S, right)
 
 
 @kernel
@@ -188,23 +224,27 @@ def proven_optimal(A, lower, upper, offsets, x, zeta, tolerance, rank_tol):  # t
         residual = np.empty(pulls)
         for i in range(pulls):
             residual[i] = v[pulling[i]]
-        level_scale = size * x_size + math.sqrt(target_size)
-        allowed = tolerance * level_scale
-        if k > 0 and not length_of(residual) <= allowed:
-            C = np.empty((pulls, W.shape[1]))
-            for i in range(pulls):
-                C[i] = W[pulling[i]]
-            new = np.empty(M, np.int64)  # rows of this level bind only the levels behind it
-            for i in range(r0, r1):
-                new[i] = state[i]
-                state[i] = GONE
+        allowed = tolerance * (size * x_size + math.sqrt(target_size))
+        open_question = k > 0 and W.shape[1] > 0 and not length_of(residual) <= allowed
+        if open_question:
+            for i in range(r0, r1):  # this level's own rows bind only the levels behind it
+                if state[i] == HELD:
+                    state[i] = LATER
             H = held_rows(W, state, side)
             for i in range(r0, r1):
-                state[i] = new[i]
-            if not removable(C, residual, H, size, rank_tol) <= allowed:
-                return False
+                if state[i] == LATER:
+                    state[i] = HELD
+            if len(H) or pulls != fixes:
+                C = np.empty((pulls, W.shape[1]))
+                for i in range(pulls):
+                    C[i] = W[pulling[i]]
+                if not against_held(C, residual, H, size) <= allowed:
+                    return False
+                open_question = False
         if fixes and W.shape[1]:
-            W = take(W, fixed, fixes, original, r0, r1, state, rank_tol)
+            W, reached = take(W, fixed, fixes, v, original, r0, r1, rank_tol)
+            if open_question and not reached <= allowed:
+                return False
     d = W.shape[1]
     if d == 0:
         return True
