@@ -33,7 +33,7 @@ class ForceReference(Reference):
         force: F_d in N and N m, along the axes: (m,), or one number for all.
         axes: any of "x", "y", "z", "rx", "ry", "rz", in the order the rows shall have.
         expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
-        feedback: which velocity is damped, "commanded" or "measured"; see `Reference`.
+        feedback: which velocity is damped, "measured" or "commanded"; see `Reference`.
         recovery: s, >= 0, time constant of the anti-windup; None for none.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
         name: default "<frame> force".
@@ -58,7 +58,7 @@ class ForceReference(Reference):
         *,
         axes: str | Sequence[str] = TWIST_AXES,
         expressed_in: str = WORLD,
-        feedback: Feedback = "commanded",
+        feedback: Feedback = "measured",
         recovery: float | None = 0.05,
         weight: ArrayLike = 1.0,
         name: str = "",

@@ -67,7 +67,7 @@ class HybridReference(ImpedanceReference):
         expressed_in: str = WORLD,
         target_velocity: ArrayLike | None = None,
         target_acceleration: ArrayLike | None = None,
-        feedback: Feedback = "commanded",
+        feedback: Feedback = "measured",
         recovery: float | None = 0.05,
         weight: ArrayLike = 1.0,
         name: str = "",

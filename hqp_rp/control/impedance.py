@@ -41,7 +41,7 @@ class ImpedanceReference(Reference):
         expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
         target_velocity: (6,) X_d' in world axes, m/s of the target's origin, then rad/s; None means 0.
         target_acceleration: (6,) X_d'' in world axes, m/s^2, then rad/s^2; None means 0.
-        feedback: which velocity is damped, "commanded" or "measured"; see `Reference`.
+        feedback: which velocity is damped, "measured" or "commanded"; see `Reference`.
         recovery: s, >= 0, time constant of the anti-windup; None for none.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
         name: default "<frame> impedance".
@@ -71,7 +71,7 @@ class ImpedanceReference(Reference):
         expressed_in: str = WORLD,
         target_velocity: ArrayLike | None = None,
         target_acceleration: ArrayLike | None = None,
-        feedback: Feedback = "commanded",
+        feedback: Feedback = "measured",
         recovery: float | None = 0.05,
         weight: ArrayLike = 1.0,
         name: str = "",

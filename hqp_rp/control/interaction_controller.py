@@ -197,8 +197,8 @@ class InteractionController:
             robot: at its current configuration, the one given to `start`; without a start, one at rest.
             reading: (6,) of the sensor, N and N m; None when none has come.
             dt: > 0, s, the control period.
-            v: (nv,) measured velocity, rad/s or m/s; needed by references with `feedback="measured"`. Limits on
-                accelerations start from it, or from the last command where it is None.
+            v: (nv,) measured velocity, rad/s or m/s; may be None where all references have `feedback="commanded"`. Limits
+                on accelerations start from it, or from the last command where it is None.
             secondary: (nv,) free vector for what all levels leave; see `hqp_rp.solve`.
 
         Raises:

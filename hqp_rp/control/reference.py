@@ -41,12 +41,15 @@ class Reference(abc.ABC):
     rate for dt then is, at the end, where the continuous law puts it. (A robot that held V instead would be off by a
     first-order error.)
 
-    **Which velocity is damped.** With `feedback="commanded"`, the default, the damper acts on V itself, an admittance
-    controller as it is built in practice: exact and stable for every dt, whatever the delay of the robot's own velocity
-    loop. With `feedback="measured"` it acts on the measured velocity J v, the literal reading of (40): the increment of V
-    is the one that the law makes from the measured motion. Where the robot has exactly the velocity V the two are the
-    same. Where it lags, the second puts the lag into the damping, and where it does not move at all it integrates without
-    bound, unless `recovery` holds it back. A spring always acts on the measured position, so nothing drifts.
+    **Which velocity is damped.** With `feedback="measured"`, the default and the literal reading of (40), the damper acts
+    on the measured velocity J v: V grows by what the law makes of the measured motion in one period. At rest in contact
+    this is integral action: V is whatever the robot's velocity loop needs to hold the load, and F_e = F_d. With
+    `feedback="commanded"` the damper acts on V itself: exact for every dt, and free of the lag of the velocity loop, but
+    a loop that lets the robot rest at a command V != 0, as one without integral action does under load, leaves a force
+    error of B_d V. Where the robot has exactly the velocity V the two are the same, so "commanded" is for robots that do
+    as they are told: kinematic simulation, and stiff velocity or position loops. Where the robot is held back, V grows to
+    B_d^-1 (F_d - F_e) with "commanded" and without bound with "measured", unless `recovery` keeps it. A spring always acts
+    on the measured position, so nothing drifts.
 
     **Anti-windup.** `deliver(robot, v)` says what the solver gave. The shortfall J v - rate is added to V with the time
     constant `recovery` (back-calculation, Åström and Rundqwist 1989): while a level cannot be served, V stays near what
@@ -149,7 +152,7 @@ class Reference(abc.ABC):
             robot: at its current configuration.
             wrench: what the robot exerts on its environment now.
             dt: > 0, s, the control period.
-            v: (nv,) measured velocity, rad/s or m/s; needed with `feedback="measured"` only.
+            v: (nv,) measured velocity, rad/s or m/s; not needed with `feedback="commanded"`.
 
         Raises:
             SettingError: a dt, v or wrench that does not fit; v missing although it is needed.
@@ -167,7 +170,8 @@ class Reference(abc.ABC):
             moving, rest = V, np.zeros(self.size)
         elif v is None:
             raise SettingError(
-                f"{self.name!r} damps the measured velocity, so it needs v: advance(robot, wrench, dt, v)."
+                f"{self.name!r} damps the measured velocity, so it needs v, (nv,). For a robot that has exactly the velocity "
+                "it is sent, choose feedback='commanded'."
             )
         else:
             moving = self._motion(robot, v)

@@ -44,9 +44,9 @@ class Failing(Solver):
         }[self.how]
 
 
-def press(robot, **settings):
-    force = ForceReference("tool", 15.0, 150.0, 30.0, axes="x", **settings)
-    return force, ImpedanceReference("tool", robot.pose("tool"), 15.0, 150.0, 100.0, axes=AXES, **settings)
+def press(robot, feedback="commanded"):
+    force = ForceReference("tool", 15.0, 150.0, 30.0, axes="x", feedback=feedback)
+    return force, ImpedanceReference("tool", robot.pose("tool"), 15.0, 150.0, 100.0, axes=AXES, feedback=feedback)
 
 
 def living(k, force=0.0):

@@ -1,12 +1,18 @@
 """Force control: (35)-(42) through stacks and solvers."""
 
+import functools
+
 import numpy as np
 import pytest
 
 import hqp_rp
-from hqp_rp.control import ForceReference, Stack, Wrench
+from hqp_rp import control
+from hqp_rp.control import Stack, Wrench
 from tests.control.chain import random_chain, random_rotation
 from tests.control.gantry import Gantry, mass_damper
+
+# A gantry or a chain without dynamics has exactly the velocity it is sent.
+ForceReference = functools.partial(control.ForceReference, feedback="commanded")
 
 M_D, B_D = np.array([15.0, 15.0, 15.0, 80.0, 80.0, 80.0]), np.array([150.0, 150.0, 150.0, 280.0, 280.0, 280.0])
 

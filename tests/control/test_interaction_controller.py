@@ -102,7 +102,7 @@ def test_limits_on_accelerations_get_the_last_command():
 
 def test_a_free_vector_reaches_the_solver():
     robot = random_chain(np.random.default_rng(0))
-    levels = [ForceReference("tool", 15.0, 150.0, 30.0, axes="x")]
+    levels = [ForceReference("tool", 15.0, 150.0, 30.0, axes="x", feedback="commanded")]
     z = np.random.default_rng(5).normal(size=7)
     command = make(robot, levels=levels).step(robot, living(0), DT, secondary=z)
     np.testing.assert_array_equal(command.v, hqp_rp.solve(command.problem, "reverse_priority", secondary=z).x)

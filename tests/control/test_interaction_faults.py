@@ -180,7 +180,7 @@ def test_the_hold_stays_within_position_limits():
     """Running at a limit when the reading fails: the ramp is shortened where the remaining way asks for it."""
     robot = Gantry(spare=0)
     robot.upper = np.array([0.0205, np.inf, np.inf])
-    force = ForceReference("tool", 1.0, 10.0, 5.0, axes="x")
+    force = ForceReference("tool", 1.0, 10.0, 5.0, axes="x", feedback="commanded")
     controller = make(
         robot, "qp_cascade", [force, PostureTask(robot.neutral)], [JointLimit(velocity=9.0)], stop_time=0.5
     )
