@@ -13,6 +13,8 @@ from hqp_rp.core.problem import FloatArray
 # Okabe and Ito's palette, which the common kinds of colour blindness can tell apart, without its yellow.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("solid", "dash", "dot")
+LOWEST = 0.01
+"""A log axis begins at this quantile: a path that starts at rest does not squeeze everything else."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -98,7 +100,7 @@ class Lines:
         shown = np.clip(values, self.floor[row], self.ceiling[row])
         if not shown.size:
             return self.floor[row], self.ceiling[row]
-        return float(shown.min()) / 3.0, float(shown.max()) * 3.0
+        return float(np.quantile(shown, LOWEST, method="lower")) / 3.0, float(shown.max()) * 3.0
 
     def drawn(self, row: int, y: FloatArray) -> FloatArray:
         """y as it is drawn: on a log axis, what is below the floor lies on it."""
@@ -185,7 +187,7 @@ class Dots:
 Chart = Lines | Dots
 
 
-def thinned(y: FloatArray, points: int = 300) -> NDArray[np.int64]:
+def thinned(y: FloatArray, points: int = 240) -> NDArray[np.int64]:
     """Indices of at most `points` of a long curve: of each stretch its largest and smallest y, so that no peak is lost."""
     if len(y) <= points:
         return np.arange(len(y))

@@ -104,7 +104,7 @@ def _traces(chart: Lines, row: int, label: str, line: Any, style: Style, count: 
                 x=_short(line.x), y=_short(chart.drawn(row, line.y)), line=look, opacity=0.4, hoverinfo="skip", **common
             )
         )
-    words = f"<b>{label}</b><br>%{{x:.3g}}: %{{customdata:.3g}}<extra></extra>"
+    words = f"<b>{label}</b><br>%{{x:.3g}}: %{{y:.3g}}<extra></extra>"
     if line.sure is not None and not np.isfinite(line.certain()).any():  # still in the legend and under the pointer
         look = {**look, "width": 0.1}
         y = line.y
@@ -114,7 +114,6 @@ def _traces(chart: Lines, row: int, label: str, line: Any, style: Style, count: 
         go.Scatter(
             x=_short(line.x),
             y=_short(chart.drawn(row, y)),
-            customdata=_short(line.y),
             name=label,
             line=look,
             hovertemplate=words,
@@ -167,5 +166,5 @@ def _dots(chart: Dots, styles: dict[str, Style]) -> Any:
 
 
 def _short(values: FloatArray) -> list[float | None]:
-    """Five significant digits are more than a screen shows; nan is a gap."""
-    return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]
+    """Four significant digits are more than a screen shows; nan is a gap."""
+    return [float(f"{v:.4g}") if math.isfinite(v) else None for v in values.tolist()]

@@ -81,6 +81,7 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
         ("QP quadprog", {"backend": "quadprog"}, QP, "through qpsolvers"),
     ),
     "hierarchical_active_set": (("active set", {}, QP, "one active set over the whole hierarchy, no QP back end"),),
+    "daqp": (("DAQP hierarchy", {}, QP, "DAQP's own hierarchical mode"),),
 }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.chart import Chart, Dots, Line, Lines, thinned
+from hqp_rp.compare.chart import LOWEST, Chart, Dots, Line, Lines, thinned
 from hqp_rp.compare.contestants import GROUPS, Contestant
 from hqp_rp.compare.metrics import parting_frame
 from hqp_rp.compare.study import PARTING, singular_distance
@@ -166,7 +166,7 @@ def _measured(scenario: Scenario, case: str, contestants: Sequence[Contestant], 
         first.filter(pl.col("quantity") == name).select("contestant", "parameter", pl.col("value").alias("y"))
         for name in names
     ]
-    log = [bool((table["y"].drop_nulls() >= 0.0).all()) for table in tables]
+    log = [_wide(_array(table["y"].drop_nulls())) for table in tables]
     return _grid(
         scenario,
         case,
@@ -319,6 +319,12 @@ def _array(series: pl.Series) -> FloatArray:
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
+
+
+def _wide(values: FloatArray) -> bool:
+    """Whether values are positive but for a few, and spread over so many decades that they need a log axis."""
+    low = float(np.quantile(values, LOWEST, method="lower"))
+    return low > 0.0 and float(values.max()) > 300.0 * low
 
 
 def _broken(label: str) -> str:

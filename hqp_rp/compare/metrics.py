@@ -227,4 +227,6 @@ def parting_frame(steps: pl.DataFrame, threshold: float = 1e-6) -> pl.DataFrame:
 
 def _variation(series: pl.Series) -> float:
     points = np.array(series.to_list(), dtype=np.float64)
+    if len(points) < 2:  # polars also tries an empty series
+        return 0.0
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

@@ -100,7 +100,7 @@ def _environment() -> Any:
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """A figure with few significant digits, so that reports of equal runs are equal: 1.2e-07, 0.53, 12, -, none."""
+    """A figure with few significant digits, so that reports of equal runs are equal: 1.2e-07, 1e-06, 0.53, 12; - for none."""
     if value is None or math.isnan(value):
         return "-"
     if math.isinf(value):
@@ -110,7 +110,7 @@ def number(value: float | None, digits: int = 2) -> str:
     if 1e-2 <= abs(value) < 1e4:
         rounded = float(f"{value:.{digits}g}")
         return f"{rounded:g}"
-    return f"{value:.{digits - 1}e}"
+    return f"{value:.{digits - 1}e}".replace(".0e", "e")
 
 
 def share(value: float | None) -> str:

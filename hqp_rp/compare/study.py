@@ -16,7 +16,7 @@ PARTING = 1e-6
 """A solver has left the optimum when |x - x*| / |x*| exceeds this."""
 KEPT = 1e-9
 """A level is kept when its excess is at most this times ||A_k|| ||x|| + ||b_k|| at every step, the solvers' own tolerance."""
-BOUNDED = 100.0
+BOUNDED = 10.0
 """|x| is bounded when it never exceeds this many times the largest optimum far from the singularity."""
 FAR = 0.3
 """Steps at no less than this share of the largest distance from the singularity are far from it."""
@@ -80,7 +80,7 @@ class Case:
     Attributes:
         scenario, name: which one; name is "" when the scenario has one only.
         levels: names of the levels. outcomes: one for each contestant, in the order of the line-up.
-        far_norm: the largest |x*| far from the singularity: what |x| is compared with.
+        far_norm: the largest |x*| far from the singularity, the median of the contestants': what |x| is compared with.
         nearest: the smallest distance from the singularity that occurred.
         reference: how the optimum was computed. ambiguous: share of steps whose rank is ambiguous.
     """
@@ -139,7 +139,12 @@ def _case(
     sigma = singular_distance(levels)
     steps = steps.join(sigma, on=["contestant", "seed", "step"], how="left", maintain_order="left")
     largest = float(steps["sigma"].max() or 0.0)  # type: ignore[arg-type]
-    far = steps.filter(pl.col("sigma") >= FAR * largest)["optimum_norm"].max()
+    far = (
+        steps.filter(pl.col("sigma") >= FAR * largest)
+        .group_by("contestant")
+        .agg(pl.col("optimum_norm").max())["optimum_norm"]
+        .median()
+    )
     parting = parting_frame(steps, PARTING)
     runs, run_levels = runs_frame(steps), run_levels_frame(levels)
     outcomes = [

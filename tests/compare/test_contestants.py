@@ -41,9 +41,15 @@ def test_labels_can_stand_in_a_sentence() -> None:
         ("reverse_priority", {}),
         ("reverse_priority:", {}),
         ("reverse_priority:damping=constant(0.2)", {"damping": ConstantDamping(0.2)}),
-        ("reverse_priority: damping = constant(factor=0.2) , form=projector", {"damping": ConstantDamping(0.2), "form": "projector"}),
+        (
+            "reverse_priority: damping = constant(factor=0.2) , form=projector",
+            {"damping": ConstantDamping(0.2), "form": "projector"},
+        ),
         ("null_space:damping=variable(delta=0.1, maximum=0.2)", {"damping": VariableDamping(0.1, 0.2)}),
-        ("null_space:damping=variable(0.1,0.2),rank_tolerance=1e-10", {"damping": VariableDamping(0.1, 0.2), "rank_tolerance": 1e-10}),
+        (
+            "null_space:damping=variable(0.1,0.2),rank_tolerance=1e-10",
+            {"damping": VariableDamping(0.1, 0.2), "rank_tolerance": 1e-10},
+        ),
         ("null_space:damping=truncation(0.01)", {"damping": Truncation(0.01)}),
         ("damped_least_squares:damping=none", {"damping": NoDamping()}),
         ("qp_cascade:backend=osqp,polish=false,max_iterations=50", {"backend": "osqp", "polish": False, "max_iterations": 50}),

@@ -32,7 +32,9 @@ def frame_of(steps: list[Step], solver: Solver, contestant: str = "one", seed: i
 
 def problem() -> Problem:
     """x* = (1, 1)."""
-    return Problem([Level.equality([[1.0, 0.0]], [1.0], name="first"), Level.equality([[0.0, 2.0]], [2.0], name="second")])
+    return Problem(
+        [Level.equality([[1.0, 0.0]], [1.0], name="first"), Level.equality([[0.0, 2.0]], [2.0], name="second")]
+    )
 
 
 def step(x: list[float] | None, parameter: float = 0.0, seconds: float = 0.0, status: Status = Status.SOLVED) -> Step:
@@ -54,10 +56,14 @@ def test_one_step_by_hand() -> None:
     assert (first["residual"], first["excess"], first["rank"], first["sigma_min"]) == (0.0, 0.0, 1, 1.0)
     assert (second["residual"], second["excess"], second["rank"], second["sigma_min"]) == (1.0, 1.0, 1, 2.0)
     assert second["relative_excess"] == pytest.approx(1.0 / (2.0 * math.sqrt(1.25) + 2.0), rel=1e-14)
-    assert (second["optimal_residual"], second["name"], second["level"], second["singularity"]) == (0.0, "second", 2, "NONE")
-    assert measured_frame(frame).row(0, named=True) | {"quantity": "error [m]", "value": 0.5} == measured_frame(frame).row(
-        0, named=True
+    assert (second["optimal_residual"], second["name"], second["level"], second["singularity"]) == (
+        0.0,
+        "second",
+        2,
+        "NONE",
     )
+    measured = measured_frame(frame).row(0, named=True)
+    assert (measured["quantity"], measured["value"]) == ("error [m]", 0.5)
 
 
 def test_an_optimal_answer_is_certified() -> None:

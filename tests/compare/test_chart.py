@@ -1,0 +1,92 @@
+"""Charts as data, and both ways to draw them."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from hqp_rp.compare.chart import COLOURS, Dots, Line, Lines, styles, thinned
+from hqp_rp.compare.chart_html import html
+from hqp_rp.compare.chart_png import png
+
+X = np.array([1.0, 0.1, 0.01])
+LOOK = styles([["a", "b"], ["c"]])
+
+
+def lines(**changes: object) -> Lines:
+    panel = (Line("a", X, np.array([0.0, 1e-3, 1.0]), sure=np.array([False, False, True])), Line("b", X, X))
+    settings: dict[str, object] = {
+        "name": "errors", "title": "Errors", "caption": "", "x_label": "eps", "columns": ("one", "two"),
+        "rows": ("error",), "panels": ((panel, (Line("c", X, X, X / 2, X * 2),)),), "log_x": True, "reverse_x": True,
+        "log_y": (True,), "floor": (1e-9,), "ceiling": (1e3,), "marks": ((0.05, "here"),),
+    }  # fmt: skip
+    return Lines(**{**settings, **changes})  # type: ignore[arg-type]
+
+
+def dots(log: bool = True) -> Dots:
+    return Dots(
+        name="parting", title="Parting", caption="", x_label="eps", columns=("only",),
+        groups=(("one", ("a", "b")), ("two", ("c",))),
+        values=({"a": np.array([0.1, 0.01, np.nan]), "b": np.array([np.nan, np.nan])},), log_x=log, reverse_x=log,
+    )  # fmt: skip
+
+
+def test_styles_differ_within_a_group() -> None:
+    many = styles([[f"s{i}" for i in range(18)]])
+    assert len({(style.colour, style.dash) for style in many.values()}) == 18
+    assert LOOK["a"].colour == LOOK["c"].colour == COLOURS[0]
+
+
+def test_zero_is_drawn_at_the_floor() -> None:
+    chart = lines()
+    assert chart.drawn(0, np.array([0.0, 1.0])).tolist() == [1e-9, 1.0]
+    low, high = chart.limits(0)
+    assert low < 1e-8
+    assert high == pytest.approx(3.0)
+
+
+def test_a_sure_point_alone_stays_visible() -> None:
+    line = Line("a", X, np.array([1.0, 2.0, 3.0]), sure=np.array([False, False, True]))
+    assert np.isnan(line.certain()).tolist() == [True, False, False]
+
+
+def test_thinning_keeps_every_peak() -> None:
+    y = np.zeros(10_000)
+    y[[17, 5000, 9998]] = 1.0, -1.0, 2.0
+    chosen = thinned(y, 100)
+    assert len(chosen) <= 102
+    assert {0, 17, 5000, 9998, 9999} <= set(chosen.tolist())
+    assert thinned(y[:50], 100).tolist() == list(range(50))
+
+
+def test_absent_values_stand_beyond_the_end_of_the_path() -> None:
+    family, path = dots(), dots(log=False)
+    assert family.absent_at < 0.01
+    assert path.absent_at > 0.1
+    assert family.limits[0] > family.limits[1]
+    assert path.limits[0] < path.limits[1]
+    assert family.place(np.array([np.nan, 0.1])).tolist() == [family.absent_at, 0.1]
+
+
+def test_the_middle_counts_absent_as_latest() -> None:
+    assert dots().middle(np.array([0.1, 0.01, np.nan])) == 0.01
+    assert dots(log=False).middle(np.array([0.1, 0.2, np.nan])) == 0.2
+    assert np.isnan(dots().middle(np.array([0.1, np.nan, np.nan])))
+
+
+@pytest.mark.parametrize(
+    "chart", [lines(), lines(log_x=False, log_y=(False,), reverse_x=False), dots(), dots(log=False)]
+)
+def test_both_drawings_hold_the_chart(chart: Lines | Dots) -> None:
+    picture = png(chart, LOOK)
+    assert picture.startswith(b"\x89PNG")
+    assert picture == png(chart, LOOK)
+    page = html(chart, LOOK)
+    assert page.count("Plotly.newPlot(") == 1
+    assert re.search(rf'id="{chart.name}"', page)
+    data = json.loads(page[page.index("[{") : page.index("}],") + 2])
+    names = {trace.get("name") for trace in data} | {y for trace in data for y in trace["y"] if isinstance(y, str)}
+    assert {"a", "b"} <= names
