@@ -21,6 +21,7 @@ from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 
 if TYPE_CHECKING:
     from hqp_rp import problems
+    from hqp_rp.core.batch import BatchSolution, solve_batch
     from hqp_rp.core.certificate import Certificate, certify
     from hqp_rp.core.diagnostics import LevelReport, Singularity, diagnose
     from hqp_rp.core.distance import Distance, distance
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "BatchSolution",
     "Certificate",
     "ConstantDamping",
     "Damping",
@@ -61,11 +63,14 @@ __all__ = [
     "problems",
     "save_problem",
     "solve",
+    "solve_batch",
     "truth",
 ]
 
 # `import hqp_rp` stays light: what needs more than numpy is imported when it is first used.
 _LAZY = {
+    "BatchSolution": "core.batch",
+    "solve_batch": "core.batch",
     "Certificate": "core.certificate",
     "certify": "core.certificate",
     "Distance": "core.distance",

@@ -53,3 +53,8 @@ class NullSpace(ClosedForm):
                 'variant="basis" does not.'
             )
         return solution
+
+    def batch_kernel(self) -> int:
+        from hqp_rp.core.kernels import batch
+
+        return batch.NULL_SPACE if self.variant == "basis" else batch.NULL_SPACE_PROJECTOR

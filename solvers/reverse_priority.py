@@ -53,3 +53,10 @@ class ReversePriority(ClosedForm):
         if self.damp == "everywhere" and self.damping.kind != 0:
             return reverse.damped_projector_form if self.form == "projector" else reverse.damped_columns_form
         return reverse.projector_form if self.form == "projector" else reverse.columns_form
+
+    def batch_kernel(self) -> int:
+        from hqp_rp.core.kernels import batch
+
+        if self.damp == "everywhere" and self.damping.kind != 0:
+            return batch.DAMPED_PROJECTOR_FORM if self.form == "projector" else batch.DAMPED_COLUMNS_FORM
+        return batch.PROJECTOR_FORM if self.form == "projector" else batch.COLUMNS_FORM

@@ -28,3 +28,8 @@ class SingularityRobust(ClosedForm):
         from hqp_rp.core.kernels.robust import singularity_robust
 
         return singularity_robust
+
+    def batch_kernel(self) -> int:
+        from hqp_rp.core.kernels import batch
+
+        return batch.SINGULARITY_ROBUST

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hqp_rp.core.damping import Damping, NoDamping, checked_damping
 from hqp_rp.core.errors import SettingError
@@ -19,6 +20,8 @@ from hqp_rp.core.solver import RANK_TOLERANCE, Solver
 Kernel = Callable[..., float]
 """(matrix, rhs, offsets, free vector, rank tolerance, damping kind, its two parameters, answer) -> 0 if not finite."""
 
+_NOT_FINITE = list(Status).index(Status.NOT_FINITE)
+_INACCURATE = list(Status).index(Status.INACCURATE)
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
 
 
@@ -88,6 +91,36 @@ class ClosedForm(Solver):
         if not code:
             return Solution(problem, None, Status.NOT_FINITE, 0, _OVERFLOW, secondary)
         return self._judged(Solution(problem, x, Status.SOLVED, 0, "", secondary), code)
+
+    def batch_kernel(self) -> int | None:
+        """Which closed form of `kernels.batch` this is, or None when it has none (problems are then solved one by one)."""
+        return None
+
+    def solve_many(
+        self,
+        matrix: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray | None,
+        offsets: IntArray,
+        secondary: FloatArray,
+        x: FloatArray,
+        codes: NDArray[np.uint8],
+    ) -> None:
+        which = self.batch_kernel()
+        if upper is not None or which is None:
+            super().solve_many(matrix, lower, upper, offsets, secondary, x, codes)
+            return
+        from hqp_rp.core.kernels import batch
+
+        _, tolerance, kind, first, second = self._bound
+        code = np.empty(len(matrix))
+        settings = (tolerance, kind, first, second)
+        if which == batch.NULL_SPACE:
+            batch.batch_null_space(matrix, lower, offsets, secondary, *settings, x, code)
+        else:
+            batch.batch_one_by_one(which, matrix, lower, offsets, secondary, *settings, x, code)
+        codes[:] = np.where(code == 0.0, _NOT_FINITE, np.where(code - 1.0 > self.tolerance, _INACCURATE, 0))
+        x[code == 0.0] = np.nan
 
     def _judged(self, solution: Solution, code: float) -> Solution:
         return solution

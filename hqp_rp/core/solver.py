@@ -11,10 +11,10 @@ import pkgutil
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hqp_rp.core.errors import ProblemError, SettingError, unknown_name, unknown_setting
-from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 
 RANK_TOLERANCE = 1e-12
@@ -68,6 +68,32 @@ class Solver(abc.ABC):
                 is used for. Among the answers equally good at every level the solver takes the nearest to it; None
                 means 0, the answer of least norm.
         """
+
+    def solve_many(
+        self,
+        matrix: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray | None,
+        offsets: IntArray,
+        secondary: FloatArray,
+        x: FloatArray,
+        codes: NDArray[np.uint8],
+    ) -> None:
+        """What `solve_batch` calls with checked arrays: (N, M, n), (N, M), (N, M) or None for equalities, (p + 1,).
+
+        `secondary` is (N, n) or (1, n). Fills x (N, n), nan where there is no answer, and codes (N,), the position of each
+        status in `list(Status)`. Calls `solve` for each problem; a solver that has a faster way overrides it. May be called
+        from several threads at once, on parts of one batch.
+        """
+        statuses = list(Status)
+        single = dataclasses.replace(self)  # nothing kept between calls is shared between threads
+        for i in range(len(matrix)):
+            bound = lower[i] if upper is None else upper[i]
+            problem = Problem.from_stacked(matrix[i], lower[i], bound, offsets, check=False)
+            free = secondary[i % len(secondary)]
+            solution = single.solve(problem, free if free.any() else None)
+            x[i] = np.nan if solution.x is None else solution.x
+            codes[i] = statuses.index(solution.status)
 
     def reset(self) -> None:
         """Forget what was kept between calls (warm starts, workspaces). A closed form keeps nothing."""

@@ -1,0 +1,135 @@
+"""Many problems of one shape in one call: no Python per problem, all cores."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import os
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hqp_rp.core.errors import ProblemError, SettingError
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.solution import Status
+from hqp_rp.core.solver import Solver, get_solver
+
+_STATUSES = tuple(Status)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class BatchSolution:
+    """The answers to N problems.
+
+    Attributes:
+        x: (N, n) answers; a row without an answer is nan.
+        codes: (N,) uint8, position of each status in `list(Status)`; 0 is `SOLVED`.
+    """
+
+    x: FloatArray
+    codes: NDArray[np.uint8]
+
+    def status(self, i: int) -> Status:
+        """How problem i ended."""
+        return _STATUSES[int(self.codes[i])]
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """(N,) where the status is `SOLVED`."""
+        return np.equal(self.codes, 0)
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+
+def solve_batch(
+    A: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike | None,
+    offsets: ArrayLike,
+    *,
+    solver: str | Solver = "null_space",
+    secondary: ArrayLike | None = None,
+    threads: int | None = None,
+    **settings: object,
+) -> BatchSolution:
+    """Solve N problems of one shape: level k of problem i is rows `offsets[k]:offsets[k + 1]` of A[i].
+
+    The closed forms run compiled over all cores, each core on its own share, with memory linear in N; undamped null-space
+    priority takes eight problems side by side. Answers obey the same rank rule as `solve`. Any other solver is called once
+    for each problem.
+
+    Args:
+        A: (N, M, n), finite. lower, upper: (N, M); upper None means equalities. offsets: (p + 1,) from 0 to M.
+        solver: a name or a `Solver`; `settings` are its fields.
+        secondary: free vectors, (N, n) or (n,) for all; None means 0.
+        threads: how many; None means one for each core.
+
+    Raises:
+        ProblemError: shapes that do not fit, or a number that is not finite in A or in an equality's right-hand side.
+        HqpError: an unknown solver or setting.
+    """
+    matrix = np.ascontiguousarray(A, dtype=np.float64)
+    low = np.ascontiguousarray(lower, dtype=np.float64)
+    up = low if upper is None else np.ascontiguousarray(upper, dtype=np.float64)
+    starts = np.ascontiguousarray(offsets, dtype=np.int64)
+    _check(matrix, low, up, starts)
+    count, _, n = matrix.shape
+    free = _free_vectors(secondary, count, n)
+    workers = os.cpu_count() or 1 if threads is None else threads
+    if not isinstance(workers, int) or workers < 1:
+        raise SettingError(f"threads is {threads!r}; it must be None or an integer of at least 1.")
+    method = get_solver(solver, **settings)
+    x = np.empty((count, n))
+    codes = np.zeros(count, dtype=np.uint8)
+    if count:
+        equality = low is up or np.array_equal(low, up)
+        shares = np.array_split(np.arange(count), min(workers, count))
+        spans = [slice(int(share[0]), int(share[-1]) + 1) for share in shares]
+
+        def work(span: slice) -> None:
+            own = free if len(free) == 1 else free[span]
+            method.solve_many(
+                matrix[span], low[span], None if equality else up[span], starts, own, x[span], codes[span]
+            )
+
+        if len(spans) == 1:
+            work(spans[0])
+        else:
+            work(slice(0, 1))  # compiles, once, before threads start
+            with concurrent.futures.ThreadPoolExecutor(len(spans)) as pool:
+                for done in [pool.submit(work, span) for span in spans]:
+                    done.result()
+    return BatchSolution(x, codes)
+
+
+def _check(matrix: FloatArray, lower: FloatArray, upper: FloatArray, offsets: IntArray) -> None:
+    if matrix.ndim != 3 or matrix.shape[2] == 0:
+        raise ProblemError(f"A has shape {matrix.shape}; it must be (N, M, n) with n at least 1.")
+    for name, bound in (("lower", lower), ("upper", upper)):
+        if bound.shape != matrix.shape[:2]:
+            raise ProblemError(
+                f"{name} has shape {bound.shape}; A has {matrix.shape[:2]} rows in all, so it must be that."
+            )
+    if not len(matrix):
+        return
+    Problem.from_stacked(matrix[0], lower[0], upper[0], offsets)  # offsets, and one problem's numbers
+    if not np.isfinite(matrix).all():
+        i, row, j = np.argwhere(~np.isfinite(matrix))[0]
+        raise ProblemError(f"A[{i}, {row}, {j}] is {matrix[i, row, j]}; every entry must be finite.")
+    bad = np.isnan(lower) | np.isnan(upper) | (lower > upper) | (lower == np.inf) | (upper == -np.inf)
+    if bad.any():
+        i, row = np.argwhere(bad)[0]
+        raise ProblemError(
+            f"Row {row} of problem {i} has lower = {lower[i, row]} and upper = {upper[i, row]}; "
+            "lower must not exceed upper, and an equality must be finite."
+        )
+
+
+def _free_vectors(secondary: ArrayLike | None, count: int, n: int) -> FloatArray:
+    if secondary is None:
+        return np.zeros((1, n))
+    free = np.ascontiguousarray(np.atleast_2d(np.asarray(secondary, dtype=np.float64)))
+    if free.shape not in ((1, n), (count, n)) or not np.isfinite(free).all():
+        raise ProblemError(f"secondary has shape {free.shape}; it must be ({n},) or ({count}, {n}), and finite.")
+    return free
