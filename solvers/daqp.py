@@ -154,20 +154,25 @@ class Daqp(Solver):
         if not unit_rows(matrix, lower, upper, offsets, zeta, self.rho, _SHORTEST, rows, low, up, softness, sense):
             return zeta, 0, 0
         sense *= _EQUALITY
-        model = self._model(rows, low, up, sense, offsets)
+        model, flag = self._model(rows, low, up, sense, offsets)
+        if model is None:
+            return zeta, flag, 0
         model.soft_weights(softness, softness)
         x, _, flag, info = model.solve()
         return (x if secondary is None else x + secondary), flag, info["iterations"]
 
-    def _model(self, rows: FloatArray, low: FloatArray, up: FloatArray, sense: Any, offsets: Any) -> Any:
+    def _model(self, rows: FloatArray, low: FloatArray, up: FloatArray, sense: Any, offsets: Any) -> tuple[Any, int]:
+        """(model, 1), or (None, DAQP's exit flag) where it refuses: solving a model that it refused ends the process."""
         key = (rows.shape[1], offsets.tobytes())
         model = self._models.kept.get(key)
         if model is not None and model.update(A=rows, bupper=up, blower=low, sense=sense) >= 0:
-            return model
+            return model, 1
         import daqp
 
         model = daqp.Model()
         model.settings = {"primal_tol": self.primal_tol, "iter_limit": self.max_iterations}
-        model.setup(np.eye(rows.shape[1]), None, rows, up, low, sense, offsets[1:].astype(np.int32))
+        flag = model.setup(np.eye(rows.shape[1]), None, rows, up, low, sense, offsets[1:].astype(np.int32))[0]
+        if flag < 0:
+            return None, flag
         self._models.kept[key] = model
-        return model
+        return model, 1
