@@ -21,6 +21,7 @@ from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 
 if TYPE_CHECKING:
     from hqp_rp import problems
+    from hqp_rp.control.catalogue import Catalogue, find_singularities
     from hqp_rp.core.batch import BatchSolution, solve_batch
     from hqp_rp.core.certificate import Certificate, certify
     from hqp_rp.core.diagnostics import LevelReport, Singularity, diagnose
@@ -32,6 +33,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "BatchSolution",
+    "Catalogue",
     "Certificate",
     "ConstantDamping",
     "Damping",
@@ -58,6 +60,7 @@ __all__ = [
     "certify",
     "diagnose",
     "distance",
+    "find_singularities",
     "get_solver",
     "load_problem",
     "problems",
@@ -69,6 +72,8 @@ __all__ = [
 
 # `import hqp_rp` stays light: what needs more than numpy is imported when it is first used.
 _LAZY = {
+    "Catalogue": "control.catalogue",
+    "find_singularities": "control.catalogue",
     "BatchSolution": "core.batch",
     "solve_batch": "core.batch",
     "Certificate": "core.certificate",

@@ -99,15 +99,15 @@ def search_singularities(
         SettingError: a level that the stack does not have, a setting out of its range, or a stack with limits, whose
             rows bind only where they are reached.
     """
-    _check(isinstance(starts, int) and starts >= 1, "starts", starts, "an integer of at least 1")
-    _check(isinstance(seed, int) and seed >= 0, "seed", seed, "an integer of at least 0")
+    check(isinstance(starts, int) and starts >= 1, "starts", starts, "an integer of at least 1")
+    check(isinstance(seed, int) and seed >= 0, "seed", seed, "an integer of at least 0")
     for name, value in (("clearance", clearance), ("separation", separation)):
-        _check(isinstance(value, int | float) and value >= 0.0, name, value, "a number >= 0")
+        check(isinstance(value, int | float) and value >= 0.0, name, value, "a number >= 0")
     kinds = tuple(kinds)
     proper = all(isinstance(kind, Singularity) and kind is not Singularity.NONE for kind in kinds)
-    _check(bool(kinds) and proper, "kinds", kinds, "Singularity members other than NONE, at least one")
+    check(bool(kinds) and proper, "kinds", kinds, "Singularity members other than NONE, at least one")
     if level is not None:
-        _check_level(stack, level)
+        check_level(stack, level)
     before = robot.q
     found: list[SingularConfiguration] = []
     try:
@@ -154,10 +154,10 @@ def refine_singularity(
 
     Source: the derivative of singular subspaces, Stewart and Sun, Matrix Perturbation Theory, 1990, chapter V.
     """
-    _check_level(stack, level)
-    _check(isinstance(tolerance, float) and 0.0 < tolerance < 1.0, "tolerance", tolerance, "a number in (0, 1)")
-    _check(isinstance(iterations, int) and iterations >= 0, "iterations", iterations, "an integer of at least 0")
-    walk = _Walk(robot, stack, level, dt)
+    check_level(stack, level)
+    check(isinstance(tolerance, float) and 0.0 < tolerance < 1.0, "tolerance", tolerance, "a number in (0, 1)")
+    check(isinstance(iterations, int) and iterations >= 0, "iterations", iterations, "an integer of at least 0")
+    walk = Walk(robot, stack, level, dt)
     if walk.rank == 0:
         return None  # no freedom is left to this level anywhere: it has nothing to lose
     q = walk.within_limits(np.array(q, dtype=np.float64))
@@ -199,7 +199,7 @@ class _Split:
     own: FloatArray
 
 
-class _Walk:
+class Walk:
     """One level of a stack on a robot that moves from configuration to configuration."""
 
     def __init__(self, robot: Robot, stack: Stack, level: int, dt: float | None) -> None:
@@ -299,13 +299,11 @@ def _apart(robot: Robot, first: FloatArray, second: FloatArray) -> float:
     return float(np.abs(robot.difference(first, second)).max())
 
 
-def _check_level(stack: Stack, level: int) -> None:
+def check_level(stack: Stack, level: int) -> None:
     last = len(stack.names) - 1
-    _check(
-        isinstance(level, int) and 0 <= level <= last, "level", level, f"an index of the stack's levels, 0 to {last}"
-    )
+    check(isinstance(level, int) and 0 <= level <= last, "level", level, f"an index of the stack's levels, 0 to {last}")
 
 
-def _check(allowed: bool, name: str, value: object, sign: str) -> None:
+def check(allowed: bool, name: str, value: object, sign: str) -> None:
     if not allowed:
         raise SettingError(f"{name} is {value!r}; it must be {sign}.")
