@@ -70,6 +70,14 @@ def gather(R, rows, count, c0, out, at):
 
 
 @kernel
+def gather_unit(R, norms, rows, count, c0, out):
+    """Copy the free columns of the listed rows of R to `out`, each divided by the norm of its whole row."""
+    for i in range(count):
+        for j in range(c0, R.shape[1]):
+            out[i, j - c0] = R[rows[i], j] / norms[rows[i]]
+
+
+@kernel
 def bound_of(side, low, up, i):
     """The bound at which row i is active: side -1 lower, +1 upper (an equality has both)."""
     return up[i] if side[i] > 0 else low[i]
@@ -100,8 +108,12 @@ def move(R, value, x, M, c0, step, length):
 
 
 @kernel
-def first_to_block(R, value, low, up, norms, state, working, k, level, c0, step):
-    """(length, row, side): how far in [0, 1] the step goes, and what stops it, a kept row or a row that starts to count."""
+def first_to_block(R, value, low, up, norms, state, working, k, level, c0, step, slack, tol):
+    """(length, row, side): how far in [0, 1] the step goes, and what stops it, a kept row or a row that starts to count.
+
+    Of rows nearer to their bounds than `slack` times their size the first stops it at once, whatever rounding says of
+    their order: with slack > 0 as Bland's rule needs it.
+    """
     best = 1.0
     row = -1
     which = 0
@@ -116,16 +128,18 @@ def first_to_block(R, value, low, up, norms, state, working, k, level, c0, step)
         s = 0.0
         for j in range(len(step)):
             s += R[i, c0 + j] * step[j]
-        if abs(s) <= 64.0 * EPS * norms[i] * step_norm:
+        if abs(s) <= 2.0 * tol * norms[i] * step_norm:  # depends on the working set, as its factorization sees it
             continue
         if s > 0.0 and up[i] < np.inf:
-            room = (up[i] - value[i]) / s
+            room = up[i] - value[i]
+            room = 0.0 if room <= slack * (norms[i] + 1e-3 * abs(up[i])) else room / s
             if room < best:
-                best, row, which = max(room, 0.0), i, 1
+                best, row, which = room, i, 1
         elif s < 0.0 and low[i] > -np.inf:
-            room = (low[i] - value[i]) / s
+            room = value[i] - low[i]
+            room = 0.0 if room <= slack * (norms[i] + 1e-3 * abs(low[i])) else -room / s
             if room < best:
-                best, row, which = max(room, 0.0), i, -1
+                best, row, which = room, i, -1
     return best, row, which
 
 
@@ -218,6 +232,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
     empty = np.empty((0, 0))
     iterations = 0
     infeasible = 0
+    depends = max(tol, 1e-12)  # a kept row whose free part is smaller than this depends on the working set
     c0 = 0
     for k in range(p + 1):
         last = k == p
@@ -246,6 +261,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
                 nW += 1
                 hoped = True
         idle = 0
+        bland = False
         while True:
             iterations += 1
             if iterations > limit:
@@ -257,11 +273,11 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
                     B[nB] = i
                     nB += 1
             work = room[: (nW + nB) * d].reshape((nW + nB, d))
-            gather(R, W, nW, c0, work, 0)
+            gather_unit(R, norms, W, nW, c0, work)
             gather(R, B, nB, c0, work, nW)
             for i in range(nW + nB):
                 origin[i] = i
-            rW = lq(work, 0, nW, 0, nW + nB, origin, tol, 0, ref_row, ref_col, ref_tau)
+            rW = lq(work, 0, nW, 0, nW + nB, origin, depends, 0, ref_row, ref_col, ref_tau)
             if rW < nW:  # a row that depends on others of W holds nothing that they do not hold
                 for i in range(rW, nW):
                     working[W[int(origin[i])]] = False
@@ -269,6 +285,8 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
                 nW = compress(W, nW, working)
                 continue
             step = np.zeros(d)
+            size = math.sqrt(np.sum(x * x))
+            missing = 0.0  # what the step is after, as a length: its rounding error counts like that of x
             gradient = np.zeros(rW)
             r = 0
             rank = 0
@@ -279,12 +297,13 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
                     for i in range(n):
                         s += R[M + i, c0 + j] * (z[i] - x[i])
                     step[j] = s
+                    missing += abs(s)
                 turn_forward(work, step, 0, rW, ref_row, ref_col, ref_tau)
                 for j in range(rW):
                     gradient[j] = -step[j]
             for i in range(rW):  # rows of W go (back) to their bounds
                 row = W[int(origin[i])]
-                s = bound_of(side, low, up, row) - value[row]
+                s = -miss(value, low, up, side, norms, size, row) / norms[row]
                 for j in range(i):
                     s -= work[i, j] * step[j]
                 step[i] = s / work[i, i]
@@ -310,6 +329,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
                 for i in range(nB):
                     row = B[int(origin[nW + i]) - nW]
                     s = bound_of(side, low, up, row) - value[row]
+                    missing = max(missing, abs(s))
                     for j in range(rW):
                         s -= work[nW + i, j] * step[j]
                     target[i] = s
@@ -318,13 +338,17 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
             turn_back(work, step, 0, empty, 0, rW, ref_row, ref_col, ref_tau)
             span = math.sqrt(np.sum(step * step))
             length, blocking, which = 1.0, -1, 0
-            if span > 4.0 * EPS * math.sqrt(np.sum(x * x)):  # else the step is rounding error
-                length, blocking, which = first_to_block(R, value, low, up, norms, state, working, k, level, c0, step)
+            size += missing
+            if span > 4.0 * EPS * size:  # else the step is rounding error
+                slack = 1e-12 * size if bland else 0.0
+                length, blocking, which = first_to_block(
+                    R, value, low, up, norms, state, working, k, level, c0, step, slack, depends
+                )
                 move(R, value, x, M, c0, step, length)
             for i in range(n):
                 if not abs(x[i]) < np.inf:
                     return NOT_FINITE, iterations
-            size = math.sqrt(np.sum(x * x))
+            size = math.sqrt(np.sum(x * x)) + missing
             idle = idle + 1 if length * span <= 1e-13 * size else 0
             bland = idle > n
             if blocking >= 0:
@@ -370,7 +394,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
                     multiplier[int(origin[i])] = s / work[i, i]
                 for i in range(nW):
                     row = W[i]
-                    wrong = -multiplier[i] * side[row] * norms[row]
+                    wrong = -multiplier[i] * side[row]
                     if wrong > 1e-11 * max(residual_size, EPS * size) and worse(wrong, row, worst_size, worst, bland):
                         worst_size, worst = wrong, row
             if worst < 0:
@@ -391,7 +415,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
         nF = 0
         still = 0
         for i in range(nW):
-            if residual_size > 0.0 and multiplier[i] * side[W[i]] * norms[W[i]] > 1e-9 * residual_size:
+            if residual_size > 0.0 and multiplier[i] * side[W[i]] > 1e-9 * residual_size:
                 F[nF] = W[i]
                 nF += 1
             else:
@@ -426,8 +450,9 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
             continue
         if fixed_W < entered or nF - fixed_W < nB:  # not the set of the last factorization
             work = room[: nF * d].reshape((nF, d))
-            gather(R, F, nF, c0, work, 0)
-            rW = lq(work, 0, fixed_W, 0, nF, origin, tol, 0, ref_row, ref_col, ref_tau)
+            gather_unit(R, norms, F, fixed_W, c0, work)
+            gather(R, F[fixed_W:], nF - fixed_W, c0, work, fixed_W)
+            rW = lq(work, 0, fixed_W, 0, nF, origin, depends, 0, ref_row, ref_col, ref_tau)
             r, rank, V, _, _ = factor(
                 work, fixed_W, nF, rW, nF, origin, loaded, r0, r1, 1.0, tol, False, rW, ref_row, ref_col, ref_tau
             )
