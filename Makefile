@@ -27,11 +27,11 @@ help:
 	@echo "make clean    remove reports, caches and build output;  make distclean  also removes $(VENV)"
 
 report: setup
-	$(BIN)/hqp-rp compare --output $(REPORT)
+	$(BIN)/hqp-rp compare --output $(REPORT) --overwrite
 	@echo "The report is $(CURDIR)/$(REPORT)/report.html"
 
 quick: setup
-	$(BIN)/hqp-rp compare --quick --output $(REPORT)
+	$(BIN)/hqp-rp compare --quick --output $(REPORT) --overwrite
 	@echo "The report is $(CURDIR)/$(REPORT)/report.html"
 
 # One thread for each worker: the problems are small, and workers that each start a pool of threads slow one another down.
@@ -70,7 +70,7 @@ api-types: setup
 # that is out of date is brought up to date; one that does not run, was moved here or is of another Python than the one
 # that PYTHON asks for is made anew.
 COMPLETE = $(BIN)/python -c 'import hqp_rp, pytest' >/dev/null 2>&1
-PIP_INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt --config-settings editable_mode=compat -e ".[dev]"
+PIP_INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt --config-settings editable_mode=compat -e ".[dev,humanoid]"
 ASK = $(MAKE) --no-print-directory -s
 
 setup:

@@ -91,6 +91,7 @@ def compare(
 
     Raises:
         UnknownNameError, SettingError: a scenario, solver or setting that does not exist or is not allowed.
+        MissingExtraError: a scenario needs an optional package that is absent.
         FileError: `output` holds another run's report or foreign files, or cannot be written.
     """
     chosen = _scenarios(scenarios, quick)
@@ -147,5 +148,6 @@ def _scenarios(scenarios: Sequence[str | Scenario] | None, quick: bool) -> tuple
         name = type(scenario).name
         if name in found and repr(found[name]) != repr(scenario):
             raise SettingError(f"The scenario {name!r} is given twice with different settings; run them one by one.")
+        scenario.check()
         found[name] = scenario
     return tuple(scenario.quick() if quick else scenario for scenario in found.values())
