@@ -25,10 +25,10 @@ class ImpedanceReference(Reference):
 
     The deviation X - X_d is, along the chosen axes, p - p* of the frame's origin and log(R R*^T), the rotation vector that
     takes the target to the frame; on rotational axes X' is the angular velocity. The free response (X_d at rest, F_e = 0)
-    never gains energy: on linear axes exactly, and on all three rotational axes with one stiffness, M_d a multiple of the
-    identity and world axes, exactly for the continuous law however large the angle, because d(|e|^2)/dt = 2 e^T omega.
-    For other rotational K_d or moving axes it holds for small angles. The deviation jumps where the angle is pi: keep
-    targets less than half a turn away.
+    never gains energy where the robot has the velocity it is sent: on linear axes exactly; on all three rotational axes
+    with one stiffness, M_d a multiple of the identity and world axes, exactly for the continuous law however large the
+    angle, because d(|e|^2)/dt = 2 e^T omega; for other rotational K_d or moving axes, for small angles. The deviation
+    jumps where the angle is pi: keep targets less than half a turn away.
 
     Args:
         frame: name of the frame.

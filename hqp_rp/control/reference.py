@@ -53,7 +53,8 @@ class Reference(abc.ABC):
 
     **Anti-windup.** `deliver(robot, v)` says what the solver gave. The shortfall J v - rate is added to V with the time
     constant `recovery` (back-calculation, Åström and Rundqwist 1989): while a level cannot be served, V stays near what
-    it gets, and when it is free again it starts from there.
+    it gets, and when it is free again it starts from there. A solver that always delivers a little less, as a damped one
+    does, leaves a force error of M_d (rate - J v) / recovery with "measured"; a longer `recovery` makes it smaller.
 
     **Start.** `start(robot, v)` sets V to the present motion J v, so that the first rate continues it: it differs by no
     more than the law accelerates in half a period. Without `start`, the robot is taken to be at rest.

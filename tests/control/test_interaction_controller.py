@@ -15,6 +15,7 @@ from hqp_rp.control import (
     VelocityLimit,
     WrenchSensor,
 )
+from hqp_rp.control.interaction_controller import _shortened
 from tests.control.chain import random_chain
 from tests.control.interaction import DT, Failing, living, make, press, robot_with_speed_limit, run
 
@@ -80,6 +81,31 @@ def test_scaling_keeps_the_direction_and_tells_the_references():
     push = controller.references[0]
     # The state stays near what is delivered: at most recovery * (F_d / M_d) ahead of it.
     assert push.velocity[0] - (push.jacobian(robot) @ commands[-1].v)[0] < 0.05 * 30.0 / 15.0 * 1.05
+
+
+@pytest.mark.parametrize(
+    ("x", "lower", "upper", "scale"),
+    [
+        ([3.0, 1.0], [-1.0, -1.0], [1.0, 1.0], 1.0 / 3.0),
+        ([-3.0, 4.0], [-1.0, -1.0], [9.0, 8.0], 1.0 / 3.0),
+        ([0.5, 0.5], [-1.0, -1.0], [1.0, 1.0], 1.0),
+        ([1.0, 3.0], [2.0, -1.0], [5.0, 1.5], 0.5),  # the first row forbids 0: shortening cannot meet it
+        ([1.0, 1.0], [0.5, -9.0], [0.5, 9.0], 1.0),  # nor an equality
+        ([1.0, 1e-9], [-9.0, -9.0], [9.0, 0.0], 1.0),  # rounding at a bound of 0
+        ([1.0, 1e-3], [-9.0, -9.0], [9.0, 0.0], 0.0),
+        ([7.0, -2.0], [-np.inf, -np.inf], [np.inf, 1.0], 1.0),
+    ],
+)
+def test_by_what_factor_an_answer_is_shortened(x, lower, upper, scale):
+    s = _shortened(np.array(x), np.eye(2), np.array(lower), np.array(upper))
+    assert s == pytest.approx(scale, rel=1e-15)
+
+
+def test_what_is_shortened_is_within_its_limits_to_the_last_bit():
+    rng = np.random.default_rng(6)
+    for _ in range(500):
+        x, bound = 10.0 * rng.normal(size=5), rng.uniform(0.1, 1.0, 5)
+        assert (np.abs(_shortened(x, np.eye(5), -bound, bound) * x) <= bound).all()
 
 
 def test_an_answer_beyond_a_hard_limit_is_shortened_to_it():

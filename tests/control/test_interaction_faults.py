@@ -59,6 +59,15 @@ def test_a_solve_that_fails_leads_to_hold_and_stop(how, reason):
     check_stop(commands, 60, reason, 0.05)
 
 
+def test_the_ramp_ends_in_time_where_the_periods_do_not_add_up_in_binary():
+    robot = random_chain(np.random.default_rng(0))
+    controller = make(robot, Failing(at=1), stop_time=1.0)
+    commands = [controller.step(robot, living(k), 0.1) for k in range(11)]  # ten times 0.1 is less than 1
+    assert commands[-2].mode is Mode.HOLDING
+    assert commands[-1].mode is Mode.STOPPED
+    assert not commands[-1].v.any()
+
+
 def test_an_inaccurate_answer_is_used_or_not_as_asked():
     robot = random_chain(np.random.default_rng(0))
     commands = run(make(robot, Failing(at=5, how="inaccurate")), robot, 20)
@@ -110,6 +119,15 @@ def test_rows_that_are_not_finite_lead_to_hold_and_before_the_first_command_to_a
     assert not commands[-1].v.any()
     with pytest.raises(hqp_rp.ProblemError, match=r"'spoilt': rate\[0\] is nan"):
         run(make(robot, levels=[*press(robot), Spoilt(0)]), robot, 1)
+
+
+def test_a_robot_whose_limits_cannot_be_told_any_more_stops_at_once():
+    robot = robot_with_speed_limit()
+    controller = make(robot, Failing(at=99), [*press(robot), Spoilt(30)], [VelocityLimit()])
+    commands = run(controller, robot, 40)
+    assert commands[29].v.any()
+    assert commands[30].mode is Mode.STOPPED
+    assert commands[30].scale == 0.0
 
 
 def test_the_stop_is_latched_until_a_reset():

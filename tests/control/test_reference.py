@@ -113,6 +113,22 @@ def test_a_robot_that_sags_under_load_reaches_the_force_only_where_the_measured_
     assert reference.velocity[0] == pytest.approx(1e-3 * 30.0 * share, rel=1e-3)
 
 
+def test_a_solver_that_always_delivers_less_leaves_the_force_error_of_the_docstring():
+    """A sagging robot again, sent 0.9 rate: at rest 0.9 rate = 1e-3 F_e and F_d - F_e = M_d 0.1 rate / recovery."""
+    robot, dt, recovery = Gantry(), 1e-3, 0.1
+    reference = ForceReference("tool", 15.0, 150.0, 30.0, axes="x", recovery=recovery)
+    v = np.zeros(3)
+    for _ in range(8000):
+        force = 1e3 * robot.pose("tool")[1][0]
+        sent = 0.9 * np.array([reference.advance(robot, Wrench([force, 0, 0]), dt, v)[0], 0, 0])
+        reference.deliver(robot, sent)
+        v = sent - [1e-3 * force, 0, 0]
+        robot.update(robot.integrate(robot.q, v, dt))
+    missing = 30.0 - 1e3 * robot.pose("tool")[1][0]
+    assert missing > 0.3
+    assert missing == pytest.approx(15.0 * 0.1 * reference.rate[0] / recovery, rel=0.01)
+
+
 def blocked_run(feedback, recovery, blocked, after, dt=1e-3):
     """The second level wants to push along x, which the first holds still during `blocked` s, then along the free x."""
     robot = Gantry(spare=2)
