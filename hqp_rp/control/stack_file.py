@@ -1,0 +1,268 @@
+"""A stack as a small TOML file: levels of tasks and limits, most important first, and hard limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import os
+import pathlib
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hqp_rp.control._checks import WORLD, check_frames
+from hqp_rp.control.stack import Stack
+from hqp_rp.core.errors import FileError, HqpError, SettingError, unknown_name, unknown_setting
+from hqp_rp.robot.robot import Robot
+
+EXAMPLES = pathlib.Path(__file__).with_name("stacks")
+"""The folder of the stack files that come with the library."""
+
+TASKS = {
+    "position": "position_task.PositionTask",
+    "orientation": "orientation_task.OrientationTask",
+    "pose": "pose_task.PoseTask",
+    "relative_pose": "relative_pose_task.RelativePoseTask",
+    "pointing": "pointing_task.PointingTask",
+    "posture": "posture_task.PostureTask",
+    "twist": "twist_task.TwistTask",
+    "center_of_mass": "center_of_mass_task.CenterOfMassTask",
+}
+"""Type in the file -> the task's class in `hqp_rp.control`; its arguments are the keys of the table."""
+
+LIMITS = {
+    "joint": "joint_limit.JointLimit",
+    "velocity": "limit.VelocityLimit",
+    "torque": "torque_limit.TorqueLimit",
+    "half_space": "half_space_limit.HalfSpaceLimit",
+    "collision": "collision_limit.CollisionLimit",
+}
+"""Type in the file -> the limit's class in `hqp_rp.control`; its arguments are the keys of the table."""
+
+_TOP = ("dt", "level", "limit")
+_LEVEL = ("name", "task", "limit")
+
+
+@dataclasses.dataclass(frozen=True)
+class StackFile:
+    """What a stack file says; which frames and joints there are is seen when it meets a robot.
+
+    Attributes:
+        origin: the file's name, for errors. text: its content.
+        dt: s, for how long an answer is held; None where the file has no limits.
+    """
+
+    origin: str
+    text: str
+    dt: float | None
+    _levels: tuple[tuple[str, tuple[Item, ...]], ...]
+    _limits: tuple[Item, ...]
+
+    @property
+    def has_limits(self) -> bool:
+        """Whether there is a limit, hard or at a level."""
+        return bool(self._limits) or any(item.kind == "limit" for _, items in self._levels for item in items)
+
+    def stack(self, robot: Robot) -> Stack:
+        """The stack for `robot`. A target that the file leaves out is what the robot has at its neutral configuration.
+
+        The robot is put back where it was.
+
+        Raises:
+            RobotError: a frame or joint that the robot does not have, or a size that does not fit it.
+            SettingError: a value that a task or limit does not allow.
+        """
+        before = robot.q
+        robot.update(robot.neutral)
+        try:
+            levels = [[item.build(robot, self.origin) for item in items] for _, items in self._levels]
+            limits = [item.build(robot, self.origin) for item in self._limits]
+            given = [name for name, _ in self._levels]
+            defaults = Stack(levels).names
+            stack = Stack(levels, limits, names=[a or b for a, b in zip(given, defaults, strict=True)])
+            try:
+                stack.problem(robot, self.dt, np.zeros(robot.nv))
+            except HqpError as error:
+                raise _told(error, self.origin) from None
+        finally:
+            robot.update(before)
+        return stack
+
+
+@dataclasses.dataclass(frozen=True)
+class Item:
+    """One table of a stack file: a task or a limit, its type, its keys, and where it stands."""
+
+    kind: str
+    type: str
+    values: Mapping[str, Any]
+    where: str
+
+    def build(self, robot: Robot, origin: str) -> Any:
+        """The task or limit for this robot, which is at its neutral configuration."""
+        where = f"{origin}: {self.where}"
+        try:
+            values = dict(self.values)
+            frames = [values[key] for key in ("frame", "reference", "expressed_in") if key in values]
+            check_frames(robot, [frame for frame in frames if isinstance(frame, str)], self.type)
+            if "target" in _keys(self) and "target" not in values:
+                values["target"] = _neutral_target(self.type, robot, values)
+            elif self.type in ("pose", "relative_pose") and isinstance(values["target"], dict):
+                values["target"] = _pose(values["target"])
+            if self.type == "collision" and isinstance(values.get("pairs"), list):
+                values["pairs"] = [tuple(pair) if isinstance(pair, list) else pair for pair in values["pairs"]]
+            return _class_of(self)(**values)
+        except HqpError as error:
+            raise _told(error, where) from None
+
+
+def load_stack(source: str | os.PathLike[str]) -> StackFile:
+    """The stack file at `source`, or the library's own of that name (`sawyer`, `planar4`, `dual_sawyer`, `humanoid`).
+
+    Raises:
+        FileError: no such file, or no TOML (with line and column).
+        SettingError: a key that there is not, a missing key, or a value of the wrong kind.
+        UnknownNameError: an unknown type of task or limit; the message lists the ones there are.
+    """
+    text = os.fspath(source)
+    path = pathlib.Path(text)
+    if not path.suffix and path.parent == pathlib.Path(".") and not path.exists():
+        own = sorted(example.stem for example in EXAMPLES.glob("*.toml"))
+        if text not in own:
+            raise FileError(
+                f"{text}: there is no such stack file; give the path of a TOML file, or one of {', '.join(own)}."
+            )
+        path = EXAMPLES / f"{text}.toml"
+    try:
+        content = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise FileError(f"{path}: there is no such stack file.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: the stack file cannot be read ({error}).") from error
+    return parse_stack(content, text)
+
+
+def parse_stack(text: str, origin: str = "the stack") -> StackFile:
+    """The stack that this TOML text describes; `origin` is what errors call it. Errors as `load_stack`."""
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(f"{origin}: not valid TOML: {error}.") from None
+    for key in content:
+        if key not in _TOP:
+            raise _told(unknown_setting("a stack", key, _TOP), origin)
+    levels = []
+    for k, level in enumerate(_tables(content.get("level", []), f"{origin}: level")):
+        where = f"level {k + 1}"
+        for key in level:
+            if key not in _LEVEL:
+                raise _told(unknown_setting("a level", key, _LEVEL), f"{origin}: {where}")
+        name = level.get("name", "")
+        if not isinstance(name, str):
+            raise SettingError(f"{origin}: {where}: name is {name!r}; it must be a string.")
+        items = _items(level, "task", where, origin) + _items(level, "limit", where, origin)
+        if not items:
+            raise SettingError(f"{origin}: {where} is empty; give it a [[level.task]] or a [[level.limit]].")
+        levels.append((name, items))
+    if not levels:
+        raise SettingError(f"{origin}: there is no level; give at least one [[level]] with a [[level.task]].")
+    stack = StackFile(origin, text, _dt(content, origin), tuple(levels), _items(content, "limit", "hard", origin))
+    if stack.has_limits and stack.dt is None:
+        raise SettingError(f"{origin}: limits need the time step; write dt = 0.01 (in s) above the first level.")
+    return stack
+
+
+def _items(table: Mapping[str, Any], kind: str, where: str, origin: str) -> tuple[Item, ...]:
+    items = []
+    for i, values in enumerate(_tables(table.get(kind, []), f"{origin}: {where}: {kind}")):
+        rest = dict(values)
+        known = TASKS if kind == "task" else LIMITS
+        here = f"{where}, {kind} {i + 1}" if where != "hard" else f"hard limit {i + 1}"
+        if "type" not in rest:
+            raise SettingError(f"{origin}: {here} has no type; give one of {', '.join(sorted(known))}.")
+        kind_of = rest.pop("type")
+        if kind_of not in known:
+            raise _told(unknown_name(f"type of {kind}", kind_of, known), f"{origin}: {here}")
+        item = Item(kind, kind_of, rest, f"{here} ({kind_of})")
+        _check_keys(item, origin)
+        items.append(item)
+    return tuple(items)
+
+
+def _check_keys(item: Item, origin: str) -> None:
+    keys = _keys(item)
+    for key in item.values:
+        if key not in keys:
+            raise _told(unknown_setting(f"{item.kind} {item.type!r}", key, keys), f"{origin}: {item.where}")
+    for key, needed in keys.items():
+        if needed and key != "target" and key not in item.values:
+            raise SettingError(f"{origin}: {item.where} has no {key}; a {item.kind} of type {item.type!r} needs it.")
+
+
+def _keys(item: Item) -> dict[str, bool]:
+    """The keys that this type takes, and whether each is needed: the arguments of its class."""
+    parameters = inspect.signature(_class_of(item)).parameters.values()
+    return {parameter.name: parameter.default is parameter.empty for parameter in parameters}
+
+
+def _class_of(item: Item) -> Any:
+    module, _, name = (TASKS if item.kind == "task" else LIMITS)[item.type].partition(".")
+    return getattr(importlib.import_module(f"hqp_rp.control.{module}"), name)
+
+
+def _neutral_target(kind: str, robot: Robot, values: Mapping[str, Any]) -> Any:
+    """What the task's frame (or the whole robot) has at the robot's current configuration."""
+    if kind == "posture":
+        return robot.q
+    if kind == "center_of_mass":
+        return robot.center_of_mass()
+    rotation, position = _frame(robot, values["frame"])
+    if kind == "position":
+        return position
+    if kind == "orientation":
+        return rotation
+    if kind == "relative_pose":
+        R, p = _frame(robot, values["reference"])
+        return R.T @ rotation, R.T @ (position - p)
+    return rotation, position
+
+
+def _frame(robot: Robot, name: str) -> tuple[Any, Any]:
+    return (np.eye(3), np.zeros(3)) if name == WORLD else robot.pose(name)
+
+
+def _pose(table: Mapping[str, Any]) -> tuple[Any, Any]:
+    if set(table) != {"rotation", "position"}:
+        raise SettingError(
+            f"target has the keys {', '.join(sorted(table)) or 'none'}; give rotation (a quaternion (w, x, y, z) or a "
+            "3 x 3 matrix) and position (3 numbers in m), or a 4 x 4 matrix."
+        )
+    return table["rotation"], table["position"]
+
+
+def _dt(content: Mapping[str, Any], origin: str) -> float | None:
+    dt = content.get("dt")
+    if dt is None:
+        return None
+    if isinstance(dt, bool) or not isinstance(dt, int | float) or not 0.0 < dt < float("inf"):
+        raise SettingError(f"{origin}: dt is {dt!r}; it must be a finite number of seconds > 0.")
+    return float(dt)
+
+
+def _tables(value: Any, what: str) -> list[dict[str, Any]]:
+    """One table or a list of tables, as a list."""
+    tables = [value] if isinstance(value, dict) else value
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        name = what.rpartition(" ")[2]
+        raise SettingError(
+            f"{what} is {value!r}; write tables, such as [[{name if name == 'level' else 'level.' + name}]]."
+        )
+    return tables
+
+
+def _told(error: HqpError, where: str) -> HqpError:
+    """The same error with the place in the file before it."""
+    return type(error)(f"{where}: {error}")
