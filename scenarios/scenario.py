@@ -63,6 +63,9 @@ class Scenario(abc.ABC):
         goes on; it never raises because a solver failed.
         """
 
+    def check(self) -> None:
+        """Raise `MissingExtraError`, with the command that installs it, where an optional package is needed and absent."""
+
     @abc.abstractmethod
     def length(self) -> int:
         """How many steps one run has, for the progress bar."""
