@@ -10,7 +10,7 @@ from hqp_rp.core.kernels.compile import kernel
 
 
 @kernel
-def unit_rows(A, lower, upper, offsets, zeta, rho, lowest, rows, low, up, softness, equality):  # type: ignore[no-untyped-def]
+def unit_rows(A, lower, upper, offsets, zeta, rho, lowest, rows, low, up, softness, equality):
     """rows (M, n) = A with rows of length one, bounds of rows (x - zeta) in low, up; True when everything is finite.
 
     softness_i = rho * (longest row of the level / length of row i)^2, so that sum_i v_i^2 / softness_i of the normalised

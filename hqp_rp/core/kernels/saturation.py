@@ -21,7 +21,7 @@ SLACK = 1e-12  # of the size of an unknown: what rounding may add to it
 
 
 @kernel
-def split(B, zero):  # type: ignore[no-untyped-def]
+def split(B, zero):
     """(rank, U, S, Vt) of B (m, d) with the full Vt (d, d); singular values <= zero do not count."""
     U, S, Vt = np.linalg.svd(B, True)
     rank = 0
@@ -31,7 +31,7 @@ def split(B, zero):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def least_squares(rank, U, S, Vt, t):  # type: ignore[no-untyped-def]
+def least_squares(rank, U, S, Vt, t):
     """The least-norm y of min ||B y - t|| from the factors of B."""
     y = np.zeros(Vt.shape[0])
     for l in range(rank):
@@ -45,14 +45,14 @@ def least_squares(rank, U, S, Vt, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def outside(v, low, high):  # type: ignore[no-untyped-def]
+def outside(v, low, high):
     """How far v is outside [low, high] beyond rounding; 0 inside."""
     miss = max(low - v, v - high)
     return miss if miss > SLACK * (1e-30 + abs(v)) else 0.0
 
 
 @kernel
-def scale_range(a, b, low, high, held):  # type: ignore[no-untyped-def]
+def scale_range(a, b, low, high, held):
     """(least, most, first to block from above, first from below) of the s for which b + s a is inside the box."""
     least = -np.inf
     most = np.inf
@@ -79,7 +79,7 @@ def scale_range(a, b, low, high, held):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def saturation_null_space(A, rhs_given, offsets, low, high, zeta, tol, x, scales):  # type: ignore[no-untyped-def]
+def saturation_null_space(A, rhs_given, offsets, low, high, zeta, tol, x, scales):
     """x (n,) and the scale of each level; returns (finite, saturations tried). Starts from zeta, clipped to the box."""
     M, n = A.shape
     p = len(offsets) - 1
@@ -164,7 +164,7 @@ def saturation_null_space(A, rhs_given, offsets, low, high, zeta, tol, x, scales
 
 
 @kernel
-def box_of(A, lower, upper, low, high, origin):  # type: ignore[no-untyped-def]
+def box_of(A, lower, upper, low, high, origin):
     """The box that rows of one non-zero entry each put on x; origin (n, 2): the rows that give its sides, -1 for none.
 
     Returns (-2, -1) when all is well, (row, -1) for a row of zeros that cannot be met, (row, row) for two rows in conflict,

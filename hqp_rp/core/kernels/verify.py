@@ -20,13 +20,13 @@ LATER = 3  # the same, of the level that is being judged
 
 
 @kernel
-def length_of(v):  # type: ignore[no-untyped-def]
+def length_of(v):
     """||v||_2; overflow gives inf, which proves nothing."""
     return math.sqrt(np.sum(v * v))
 
 
 @kernel
-def projected(work, m, r, rank, U, S, v):  # type: ignore[no-untyped-def]
+def projected(work, m, r, rank, U, S, v):
     """Norm of the part of v (m,) in the range of the m rows that `factor` left in `work` with (r, rank, U, S)."""
     if rank == 0:
         return 0.0
@@ -41,7 +41,7 @@ def projected(work, m, r, rank, U, S, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def nonnegative(C, y):  # type: ignore[no-untyped-def]
+def nonnegative(C, y):
     """y - C w for a w >= 0 that makes it short (Lawson and Hanson 1974): any w >= 0 gives an upper bound."""
     d, k = C.shape
     w = np.zeros(k)
@@ -98,7 +98,7 @@ def nonnegative(C, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def against_held(C, v, H, size):  # type: ignore[no-untyped-def]
+def against_held(C, v, H, size):
     """An upper bound of what moves z with H z <= 0 remove from v through C z, each at the cost STEP_COST * size * ||z||."""
     d = C.shape[1]
     S = np.zeros(d)
@@ -119,7 +119,7 @@ def against_held(C, v, H, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def held_rows(W, state, side):  # type: ignore[no-untyped-def]
+def held_rows(W, state, side):
     """Outward unit normals (h, d) of the held rows that still have a part in the free coordinates."""
     M = len(state)
     d = W.shape[1]
@@ -142,7 +142,7 @@ def held_rows(W, state, side):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def take(W, fixed, count, v, original, o0, o1, rank_tol):  # type: ignore[no-untyped-def]
+def take(W, fixed, count, v, original, o0, o1, rank_tol):
     """(W in the coordinates that the `count` fixed rows leave free, the norm of the part of v that those rows reach)."""
     total, d = W.shape
     work = np.empty((count + total, d))
@@ -161,7 +161,7 @@ def take(W, fixed, count, v, original, o0, o1, rank_tol):  # type: ignore[no-unt
 
 
 @kernel
-def proven_optimal(A, lower, upper, offsets, x, zeta, tolerance, rank_tol):  # type: ignore[no-untyped-def]
+def proven_optimal(A, lower, upper, offsets, x, zeta, tolerance, rank_tol):
     """Whether x is proven to be the lexicographic optimum nearest to zeta, to the relative `tolerance`.
 
     Level 0 holds the hard rows (it may be empty). False means only that this proof did not succeed.

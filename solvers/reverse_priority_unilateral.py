@@ -1,0 +1,149 @@
+"""Reverse priority with unilateral rows: hard rows are the top level, which reverse priority executes last."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+
+from hqp_rp.core.closed_form import ClosedForm, Kernel
+from hqp_rp.core.damping import ConstantDamping, NoDamping
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.verify import hard_excess
+
+_ROUNDING = 1e-15  # relative: a row missed by this much is met
+_OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
+
+
+class UnilateralSolution(Solution):
+    """A `Solution` that also names the hard rows that took part.
+
+    Attributes:
+        active: (m,) int64, for each hard row -1 held at its lower bound, +1 at its upper (or an equality), 0 not active.
+    """
+
+    __slots__ = ("active",)
+
+    active: np.ndarray[tuple[int], np.dtype[np.int64]]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ReversePriorityUnilateral(ClosedForm):
+    """Reverse priority (29) on the levels, then one more step for the hard rows that would otherwise be violated.
+
+    ::
+
+        y = the reverse-priority answer of the levels alone
+        x = y + T_0 (J_0 T_0)^# (c_0 - J_0 y),    J_0 x = c_0 the active hard rows at their bounds
+
+    T_0 holds the first columns of [J_0; A_1; ...; A_p]^+: of all moves that meet the active rows, x - y is the one that
+    disturbs the levels least, jointly. A row is active when it would be violated without, and only while its multiplier
+    pushes it inwards, so x is the minimizer of `||A (x - y)||` (then of `||x - y||`) over the hard rows: no jump when a row
+    enters or leaves, where the levels together determine x. With damping lambda, `||A d||^2 + lambda^2 ||d||^2` replaces
+    `||A d||^2`, and x is continuous whatever the levels determine.
+
+    From the source: hard rows as the top level, executed last, only the active ones. Ours: the search for the active set,
+    an exact active-set method with multipliers, in which rows in conflict end in `Status.INFEASIBLE` with their numbers.
+
+    One level, undamped, gives the lexicographic optimum; more levels share what the hard rows leave instead of ranking it.
+    Two-sided levels are refused.
+
+    Args:
+        damping: `NoDamping` or `ConstantDamping`, of the pseudo-inverse that gives each T_k, T_0 included.
+        max_iterations: working sets tried before `Status.ITERATION_LIMIT`.
+
+    Returns a `UnilateralSolution`.
+
+    Source: Flacco and De Luca 2015; the paper, (23)-(29).
+    """
+
+    max_iterations: int = 1000
+
+    name: ClassVar[str] = "reverse_priority_unilateral"
+    summary: ClassVar[str] = "reverse priority, then the active hard rows with the least disturbance of all levels"
+    source: ClassVar[str] = "Flacco and De Luca 2015; paper (23)-(29)"
+    takes_hard: ClassVar[bool] = True
+    exact_levels: ClassVar[int] = 2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.damping, NoDamping | ConstantDamping):
+            raise SettingError(
+                f"damping is {self.damping!r}; reverse_priority_unilateral takes NoDamping() or ConstantDamping(...)."
+            )
+        limit = self.max_iterations
+        if isinstance(limit, bool) or not isinstance(limit, int) or limit < 1:
+            raise SettingError(f"max_iterations is {limit!r}; it must be an integer of at least 1.")
+
+    def is_lexicographic(self, problem: Problem) -> bool:
+        """True for up to two undamped equality levels, with hard rows for one."""
+        levels = int(np.count_nonzero(np.diff(problem.offsets)))
+        return super().is_lexicographic(problem) and (problem.hard is None or not problem.hard.m or levels <= 1)
+
+    def kernel(self) -> Kernel:
+        from hqp_rp.core.kernels import reverse
+
+        return lambda *arguments: reverse.reverse_priority(*arguments[:-1], False, arguments[-1])
+
+    def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
+        """The answer with the least disturbance of the levels; see `Solver.solve`."""
+        solution = super().solve(problem, secondary)
+        hard = problem.hard
+        if solution.x is None or hard is None or not hard.m:
+            return solution
+        if hard_excess(hard, solution.x) <= _ROUNDING:  # no row is active
+            free = UnilateralSolution(problem, solution.x, Status.SOLVED, 0, "", secondary)
+            free.active = np.zeros(hard.m, np.int64)
+            return free
+        return self._held(problem, hard, solution.x, secondary)
+
+    def _held(self, problem: Problem, hard: Level, y: FloatArray, secondary: FloatArray | None) -> Solution:
+        from hqp_rp.core.kernels import active_set
+
+        rows = self._disturbance_rows(problem)
+        m, M = hard.m, len(rows)
+        matrix = np.concatenate((hard.A, rows))
+        kept = rows @ y
+        lower, upper = np.concatenate((hard.lower, kept)), np.concatenate((hard.upper, kept))
+        offsets = np.array([0, m, m + M])
+        x, side, conflict = y.copy(), np.zeros(m + M, np.int64), np.zeros(m + M, np.int64)
+        try:
+            code, iterations = active_set.hierarchical_active_set(
+                matrix, lower, upper, offsets, m, y, self.rank_tolerance, self.max_iterations, False, x, side, conflict
+            )
+        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
+            code, iterations = active_set.NOT_FINITE, 0
+        if code == active_set.NOT_FINITE:
+            return Solution(problem, None, Status.NOT_FINITE, iterations, _OVERFLOW, secondary)
+        if code == active_set.INFEASIBLE:
+            named = ", ".join(str(i) for i in np.flatnonzero(conflict[:m]))
+            message = f"Hard rows {named} contradict each other: no x meets them all."
+            return Solution(problem, None, Status.INFEASIBLE, iterations, message, secondary)
+        if code == active_set.LIMIT:
+            message = f"No optimal set of active rows in {self.max_iterations} iterations; raise max_iterations."
+            return Solution(problem, None, Status.ITERATION_LIMIT, iterations, message, secondary)
+        excess = hard_excess(hard, x)
+        message = "" if excess <= self.tolerance else f"A hard row is violated by a relative {excess:.1e}."
+        status = Status.INACCURATE if message else Status.SOLVED
+        solution = UnilateralSolution(problem, x, status, iterations, message, secondary)
+        solution.active = side[:m].copy()
+        return solution
+
+    def _disturbance_rows(self, problem: Problem) -> FloatArray:
+        """The rows of all levels (M, n), and lambda I below them when damped: what a move of the hard rows should spare.
+
+        In one power-of-two unit for all, in which the largest level has entries of the order of one.
+        """
+        from hqp_rp.core.kernels import orthogonal, reverse
+
+        matrix, rhs, _, offsets = problem.stacked
+        loaded, scale = np.empty(matrix.shape), np.empty(problem.p)
+        orthogonal.load(matrix, rhs, offsets, loaded, np.empty(len(rhs)), scale)
+        rows: FloatArray = reverse.weighted_rows(loaded, reverse.level_weights(scale, offsets, 0))
+        kind, (first, _) = self.damping.kind, self.damping.parameters
+        if kind == 0:
+            return rows
+        return np.concatenate((rows, first * reverse.smallest_of(scale, 0) * np.eye(problem.n)))
