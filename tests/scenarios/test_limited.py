@@ -184,3 +184,23 @@ def test_without_limits_an_exact_solver_breaks_them(scenario: Limited) -> None:
 def test_settings_out_of_range_are_named(scenario: Limited, setting: str, value: Any, text: str) -> None:
     with pytest.raises(SettingError, match=text):
         dataclasses.replace(scenario, **{setting: value})
+
+
+@every_scenario
+@pytest.mark.parametrize("name", sorted(hqp_rp.all_solvers()))
+def test_every_solver_gets_through_and_solved_means_that_hard_limits_hold(scenario: Limited, name: str) -> None:
+    solver = get_solver(name)
+    short = dataclasses.replace(scenario.quick(), duration=1.5)
+    for step in run(short, solver, 1):
+        assert np.isfinite(list(step.measured.values())).all()
+        hard, x = step.problem.hard, step.solution.x
+        if hard is None or not step.solution.status.ok:
+            continue
+        assert x is not None
+        beyond = np.maximum(hard.lower - hard.A @ x, hard.A @ x - hard.upper)
+        # The tolerance is relative: to the row's size times |x| and to its bound.
+        bound = np.where(
+            np.isfinite(hard.upper), np.abs(hard.upper), np.where(np.isfinite(hard.lower), np.abs(hard.lower), 0.0)
+        )
+        scale = np.linalg.norm(hard.A, 2) * np.linalg.norm(x) + np.linalg.norm(bound)
+        assert beyond.max() <= solver.tolerance * scale, step.parameter
