@@ -48,7 +48,7 @@ def solve_batch(
     upper: ArrayLike | None,
     offsets: ArrayLike,
     *,
-    solver: str | Solver = "null_space",
+    solver: str | Solver,
     secondary: ArrayLike | None = None,
     threads: int | None = None,
     **settings: object,

@@ -69,7 +69,7 @@ def test_side_by_side_answers_are_certified(seed, n, rows, integers):
     A, b, offsets = draw(seed, 8, rows, n)
     if integers:
         A, b = np.round(A), np.round(b)
-    answer = solve_batch(A, b, None, offsets, threads=1)
+    answer = solve_batch(A, b, None, offsets, solver="null_space", threads=1)
     assert answer.solved.all()
     for i in range(8):
         certificate = certify(one(A[i], b[i], offsets), answer.x[i])
@@ -83,7 +83,8 @@ def test_scales_play_no_part_side_by_side(scale):
     scaled_A, scaled_b = A.copy(), b.copy()
     scaled_A[:, :3] *= factor
     scaled_b[:, :3] *= factor
-    np.testing.assert_array_equal(solve_batch(scaled_A, scaled_b, None, offsets).x, solve_batch(A, b, None, offsets).x)
+    scaled = solve_batch(scaled_A, scaled_b, None, offsets, solver="null_space")
+    np.testing.assert_array_equal(scaled.x, solve_batch(A, b, None, offsets, solver="null_space").x)
 
 
 def test_free_vectors_for_all_or_one_each():
@@ -112,7 +113,7 @@ def test_two_sided_rows_go_to_a_solver_that_takes_them():
 
 
 def test_an_empty_batch_is_legal():
-    answer = solve_batch(np.zeros((0, 3, 7)), np.zeros((0, 3)), None, [0, 3])
+    answer = solve_batch(np.zeros((0, 3, 7)), np.zeros((0, 3)), None, [0, 3], solver="null_space")
     assert answer.x.shape == (0, 7)
     assert len(answer) == 0
 
@@ -121,7 +122,7 @@ def test_the_problem_that_overflows_is_the_only_one_without_an_answer():
     A, b, offsets = draw(5, 9, (2, 2), 4)
     A[3, :2] *= 1e-250
     b[3, :2] = 1e200
-    answer = solve_batch(A, b, None, offsets)
+    answer = solve_batch(A, b, None, offsets, solver="null_space")
     assert answer.status(3) is Status.NOT_FINITE
     assert np.isnan(answer.x[3]).all()
     assert answer.solved.sum() == 8
@@ -146,6 +147,7 @@ def test_wrong_arrays_are_named(change, message):
             arguments["lower"],
             arguments["upper"],
             arguments["offsets"],
+            solver="null_space",
             secondary=change.get("secondary"),
         )
 
@@ -153,6 +155,6 @@ def test_wrong_arrays_are_named(change, message):
 def test_wrong_settings_are_named():
     A, b, offsets = draw(0, 2, (1,), 2)
     with pytest.raises(SettingError, match="threads is 0"):
-        solve_batch(A, b, None, offsets, threads=0)
+        solve_batch(A, b, None, offsets, solver="null_space", threads=0)
     with pytest.raises(HqpError, match="no solver named 'nul_space'"):
         solve_batch(A, b, None, offsets, solver="nul_space")

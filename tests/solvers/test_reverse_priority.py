@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hqp_rp import (
     ConstantDamping,
     Level,
+    NoDamping,
     Problem,
     Truncation,
     UnknownNameError,
@@ -245,6 +246,20 @@ def test_random_stacks_follow_the_recursion(seed, n, rows, form):
     expected = reference.reverse_priority(problem)
     x = solve(problem, "reverse_priority", form=form).x
     assert np.abs(x - expected).max() < 1e5 * EPS * reference.condition(problem) * max(1.0, np.abs(expected).max())
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("damp", ["t_k", "everywhere"])
+@pytest.mark.parametrize("damping", [NoDamping(), ConstantDamping(0.1), Truncation(0.1)])
+@pytest.mark.parametrize("zero", [0, 1])
+def test_a_level_of_zeros_asks_for_nothing(form, damp, damping, zero):
+    matrices = [np.eye(3)[:2], np.eye(3)[1:]]
+    matrices[zero] = np.zeros((2, 3))
+    problem = Problem([Level.equality(A, [1.0, 2.0]) for A in matrices])
+    alone = Problem([problem.levels[1 - zero]])
+    settings = {"form": form, "damp": damp, "damping": damping}
+    x = solve(problem, "reverse_priority", **settings).x
+    np.testing.assert_allclose(x, solve(alone, "reverse_priority", **settings).x, atol=1e-12)
 
 
 def test_unknown_form_and_place_are_named():

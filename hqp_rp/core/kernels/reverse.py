@@ -260,7 +260,7 @@ def reverse_priority(A, b, offsets, z, tol, kind, first, second, projector, x):
             if kind == 3:
                 Y = np.dot(Y, np.ascontiguousarray(V.T))
             step = Y[0]
-            if projector:
+            if projector and len(Y) > 1:  # else J_k is zero and T_k with it
                 P = range_projector(np.ascontiguousarray(Y[1:].T))
                 J_k = np.dot(W0[r0:r1].copy(), P)
                 zero = tol * spectral(W0, r0, r1)
