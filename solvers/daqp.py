@@ -61,6 +61,8 @@ class Daqp(Solver):
         rho: softness of the longest row of a level. At 1e-9 and below DAQP can silently lose rows on larger problems.
         primal_tol: DAQP's tolerance on rows, in units of a row's length.
         max_iterations: DAQP's limit, summed over levels.
+        second_try: solve once more where an answer was not verified: with rho / 100 (near a singularity), or, where DAQP
+            gave no answer (hard rows that barely meet), with 10 rho and 10 primal_tol.
 
     A kept instance reuses DAQP's workspace for problems of one shape, but starts every solve from an empty working set; it
     must not be shared between threads.
@@ -72,6 +74,7 @@ class Daqp(Solver):
     rho: float = 1e-6
     primal_tol: float = 1e-9
     max_iterations: int = 10_000
+    second_try: bool = True
     _models: _Models = dataclasses.field(default_factory=_Models, init=False, repr=False, compare=False)
 
     name: ClassVar[str] = "daqp"
@@ -104,6 +107,16 @@ class Daqp(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
+        solution = self._solve(problem, secondary)
+        if solution.status is Status.INACCURATE and self.second_try:
+            rho, tol = (self.rho / 100.0, 1.0) if solution.x is not None else (self.rho * 10.0, 10.0)
+            again = dataclasses.replace(self, rho=rho, primal_tol=tol * self.primal_tol)._solve(problem, secondary)
+            if again.status in (Status.SOLVED, Status.INFEASIBLE):
+                again.iterations += solution.iterations
+                return again
+        return solution
+
+    def _solve(self, problem: Problem, secondary: FloatArray | None) -> Solution:
         stacked = with_hard_rows(problem)
         x, flag, iterations = self._run(stacked, secondary)
         if flag == 0 or (flag in _ANSWERED and not np.isfinite(x).all()):
