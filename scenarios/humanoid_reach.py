@@ -95,7 +95,7 @@ class HumanoidReach(Limited):
     spread: float = 0.08
 
     def __post_init__(self) -> None:
-        Limited.__post_init__(self)
+        super().__post_init__()
         self.require("acceleration", lambda value: value > 0.0, "> 0")
         self.require("spread", lambda value: value >= 0.0, ">= 0")
         top = 1.0 / self.period

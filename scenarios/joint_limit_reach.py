@@ -66,8 +66,7 @@ class JointLimitReach(Limited):
     outside: float = 0.15
 
     def __post_init__(self) -> None:
-        # Through the class: a dataclass with slots loses what a bare super() refers to.
-        Limited.__post_init__(self)
+        super().__post_init__()
         for name in ("freedom", "distance", "acceleration"):
             self.require(name, lambda value: value > 0.0, "> 0")
         for name in ("spread", "outside"):

@@ -77,7 +77,7 @@ class ObstaclePass(Limited):
     spread: float = 0.02
 
     def __post_init__(self) -> None:
-        Limited.__post_init__(self)
+        super().__post_init__()
         for name in ("deceleration", "acceleration", "collision_gain"):
             self.require(name, lambda value: value > 0.0, "> 0")
         for name in ("margin", "spread"):
