@@ -19,6 +19,7 @@ VARIANTS = {
         {"damping": ConstantDamping(0.1), "damp": "everywhere"},
         {"damping": ConstantDamping(0.1), "damp": "everywhere", "form": "projector"},
     ],
+    "reverse_priority_unilateral": [{"damping": ConstantDamping(0.1)}],
     "qp_cascade": [{"backend": name} for name in ("osqp", "daqp", "quadprog", "piqp")],
 }
 
