@@ -11,12 +11,13 @@ from collections.abc import Sequence
 import polars as pl
 
 from hqp_rp.compare.contestants import Contestant, choose_contestants
+from hqp_rp.compare.machine import usable_cores
 from hqp_rp.compare.metrics import levels_frame, measured_frame, runs_frame, steps_frame
 from hqp_rp.compare.report import FILES, Report, write_report
 from hqp_rp.compare.run import Unit, description, run_units, units_of
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.compare.study import Case, cases
-from hqp_rp.core.errors import SettingError
+from hqp_rp.core.errors import MissingExtraError, SettingError
 from hqp_rp.core.solver import Solver
 from hqp_rp.scenarios.scenario import Scenario, all_scenarios, get_scenario
 
@@ -35,6 +36,7 @@ class Comparison:
         measured: one row for each step and figure that only the scenario could measure.
         runs: one row for each run (largest and median distance, total variation, shares of each status, times).
         cases: one entry for each case of each scenario: what the report's sentences are made of.
+        left_out: for each scenario that needs an absent optional package, a sentence that says so and the remedy.
         folder: where the report was written, or None.
     """
 
@@ -46,6 +48,7 @@ class Comparison:
     measured: pl.DataFrame
     runs: pl.DataFrame
     cases: tuple[Case, ...]
+    left_out: tuple[str, ...] = ()
     folder: pathlib.Path | None = None
 
     @property
@@ -79,7 +82,7 @@ def compare(
     taken while as many processes run as there are cores: ratios between solvers of one run are meant, not absolute times.
 
     Args:
-        scenarios: names or `Scenario`s; None means every scenario.
+        scenarios: names or `Scenario`s; None means every scenario whose optional packages are here.
         solvers: names (all variants of that solver), `name:key=value,key=value`, `Solver`s or `Contestant`s; None means the
             default line-up.
         seeds: how many seeds, 0 ... seeds - 1; None means 3, with `quick` 1.
@@ -91,25 +94,26 @@ def compare(
 
     Raises:
         UnknownNameError, SettingError: a scenario, solver or setting that does not exist or is not allowed.
-        MissingExtraError: a scenario needs an optional package that is absent.
+        MissingExtraError: a scenario that was asked for needs an optional package that is absent.
         FileError: `output` holds another run's report or foreign files, or cannot be written.
     """
-    chosen = _scenarios(scenarios, quick)
+    chosen, left_out = _scenarios(scenarios, quick)
     contestants = choose_contestants(solvers)
     count = (QUICK_SEEDS if quick else SEEDS) if seeds is None else seeds
     units = units_of(chosen, contestants, count)
     run = description(chosen, contestants, count)
     if output is None:
         with tempfile.TemporaryDirectory(prefix="hqp_rp-") as temporary:
-            return _measured(units, RunFolder(temporary, run), workers, progress, chosen, contestants, count)
+            found = _measured(units, RunFolder(temporary, run), workers, progress, chosen, contestants, count)
+            return dataclasses.replace(found, left_out=left_out)
     folder = RunFolder(output, run, files=FILES, overwrite=overwrite)
     found = _measured(units, folder, workers, progress, chosen, contestants, count)
-    found = dataclasses.replace(found, folder=folder.path)
+    found = dataclasses.replace(found, left_out=left_out, folder=folder.path)
     results = folder.path / "results"
     results.mkdir(exist_ok=True)
     for name in ("steps", "levels", "measured", "runs"):
         write_parquet(getattr(found, name), results / f"{name}.parquet")
-    write_report(found.report(), folder.path)
+    write_report(found.report(), folder.path, workers=workers or usable_cores())
     return found
 
 
@@ -137,17 +141,25 @@ def _measured(
     )
 
 
-def _scenarios(scenarios: Sequence[str | Scenario] | None, quick: bool) -> tuple[Scenario, ...]:
+def _scenarios(scenarios: Sequence[str | Scenario] | None, quick: bool) -> tuple[tuple[Scenario, ...], tuple[str, ...]]:
+    """The scenarios, and a sentence for each that nobody asked for by name and that lacks an optional package."""
     if isinstance(scenarios, str | Scenario):
         raise SettingError(f"scenarios is {scenarios!r}; give a list of scenario names or Scenarios, or None for all.")
     if scenarios is not None and not len(scenarios):
         raise SettingError("scenarios is an empty list; give scenario names or Scenarios, or None for all of them.")
     found: dict[str, Scenario] = {}
+    left_out = []
     for item in all_scenarios() if scenarios is None else scenarios:
         scenario = get_scenario(item)
         name = type(scenario).name
         if name in found and repr(found[name]) != repr(scenario):
             raise SettingError(f"The scenario {name!r} is given twice with different settings; run them one by one.")
-        scenario.check()
+        try:
+            scenario.check()
+        except MissingExtraError as error:
+            if scenarios is not None:
+                raise
+            left_out.append(f"{name} was left out: {error}")
+            continue
         found[name] = scenario
-    return tuple(scenario.quick() if quick else scenario for scenario in found.values())
+    return tuple(scenario.quick() if quick else scenario for scenario in found.values()), tuple(left_out)

@@ -46,7 +46,7 @@ def scenario_charts(
             if of_case[2].height:
                 charts.append(_measured(scenario, case, contestants, of_case[2]))
     charts.append(_parting(scenario, contestants, steps))
-    return [chart for chart in charts if not isinstance(chart, Lines) or any(map(any, chart.panels))]
+    return [chart for chart in charts if (any(map(any, chart.panels)) if isinstance(chart, Lines) else chart.columns)]
 
 
 def _family(
@@ -141,7 +141,8 @@ def _path(
     ]
     tables.append(steps.filter(first).select("contestant", "parameter", pl.col("x_norm").alias("y")))
     keys = ["contestant", "seed", "step"]
-    sigma = singular_distance(levels).join(steps.select(*keys, "parameter"), on=keys)
+    answered = steps.filter(pl.col("x").is_not_null()).select(*keys, "parameter")
+    sigma = singular_distance(levels).join(answered, on=keys)
     tables.append(sigma.filter(first).select("contestant", "parameter", pl.col("sigma").alias("y")))
     return _grid(
         scenario,
@@ -228,7 +229,8 @@ def _grid(
     marks: tuple[tuple[float, str], ...] = (),
 ) -> Lines:
     name = type(scenario).name
-    groups = grouped(contestants)
+    drawn = {label for row in panels for label in row}
+    groups = [(group, labels) for group, labels in grouped(contestants) if drawn & set(labels)]
     slug = "-".join(part for part in (name, kind, case) if part).replace("_", "-").replace(" ", "-")
     errors = [row.endswith("excess error") for row in rows]
     labelled = list(zip(rows, errors, strict=True))

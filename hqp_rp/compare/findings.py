@@ -27,10 +27,12 @@ def answer(cases: Sequence[Case]) -> tuple[str, ...]:
 
 
 def _everywhere(cases: Sequence[Case], holds: Callable[[Case, Outcome], bool]) -> list[str]:
-    """The labels for which something holds in every case."""
+    """The labels for which something holds in every case that the solver takes."""
     by_label: dict[str, bool] = {}
     for case in cases:
         for outcome in case.outcomes:
+            if outcome.refused:
+                continue
             by_label[outcome.label] = by_label.get(outcome.label, True) and holds(case, outcome)
     return [label for label, held in by_label.items() if held]
 
@@ -46,8 +48,9 @@ def _closest(cases: Sequence[Case]) -> str:
             f"every sigma was at least {number(CLEAR)}."
         )
     return (
-        f"Accuracy: {listing(found)} {_verb(found, 'stays', 'stay')} within {number(PARTING)} of the lexicographic optimum in "
-        f"every case, at every distance of at least {number(CLEAR)} from the singularity."
+        f"Accuracy: {listing(found)} {_verb(found, 'stays', 'stay')} within {number(PARTING)} of the lexicographic optimum "
+        f"in every case {_verb(found, 'it takes', 'they take')}, at every distance of at least {number(CLEAR)} from the "
+        "singularity."
     )
 
 
@@ -56,8 +59,9 @@ def _both(cases: Sequence[Case]) -> str:
     if not found:
         return f"No solver kept level 1 and |x| within {BOUNDED:g} times what is needed far from the singularity in every case."
     return (
-        f"Through the singularity: {listing(found)} {_verb(found, 'keeps', 'keep')} level 1 to rounding error and |x| within "
-        f"{BOUNDED:g} times what is needed far from the singularity, in every case; what it costs is level 2."
+        f"Through the singularity: {listing(found)} {_verb(found, 'keeps', 'keep')} level 1 to rounding error and |x| "
+        f"within {BOUNDED:g} times what is needed far from the singularity, in every case "
+        f"{_verb(found, 'it takes', 'they take')}; what it costs is level 2."
     )
 
 
@@ -261,7 +265,8 @@ def _singularity_free(case: Case, plain: Outcome) -> tuple[str, str] | None:
 def _damped(case: Case) -> list[tuple[str, str]]:
     found = []
     for outcome in case.outcomes:
-        if outcome.contestant.name != "reverse_priority" or is_reverse(outcome.contestant) or outcome.distance is None:
+        damped = outcome.contestant.name == "reverse_priority" and not is_reverse(outcome.contestant)
+        if not damped or outcome.distance is None or not case.far_norm:
             continue
         holds = outcome.keeps(1) and case.bounded(outcome)
         evidence = (

@@ -8,6 +8,7 @@ import hashlib
 
 import numpy as np
 
+from hqp_rp.core.certificate import certify
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.truth import truth
@@ -15,6 +16,9 @@ from hqp_rp.core.truth import truth
 EXACT_UNKNOWNS = 12
 EXACT_UNKNOWNS_TWO_SIDED = 8
 """Up to this many unknowns the truth is computed at every step (about 1 ms for equalities on 7 unknowns)."""
+
+REFUTED = 1e-6
+"""Relative excess at which the certificate refutes an exact optimum: far above rounding."""
 
 _KEPT = 4096
 
@@ -27,7 +31,8 @@ class Reference:
         x: (n,) the lexicographic optimum of least norm, by the library's rank rule; None where it was not computed.
         residuals: (p,) residual of each level there, nan where it was not computed.
         method: how it was computed, as reports print it.
-        ambiguous: exact ranks and the library's rank rule differ, or nearly so: solvers of both opinions are right.
+        ambiguous: exact ranks and the library's rank rule differ, or nearly so, or the certificate, which follows the rule,
+            refutes x: solvers of both opinions are right.
     """
 
     x: FloatArray | None
@@ -49,7 +54,10 @@ def reference(problem: Problem, secondary: FloatArray | None = None) -> Referenc
         if len(_cache) >= _KEPT:
             _cache.popitem(last=False)
         exact = truth(problem, secondary, rank_rule=RANK_TOLERANCE)
-        _cache[key] = Reference(exact.x, exact.residuals, exact.method, exact.ambiguous)
+        # With inequality rows the truth's ranks are exact: a row that is dependent but for rounding then takes freedom that
+        # the rank rule, and every solver, leaves to later levels. The certificate tells.
+        refuted = exact.x is not None and not certify(problem, exact.x, secondary, REFUTED).ok
+        _cache[key] = Reference(exact.x, exact.residuals, exact.method, exact.ambiguous or refuted)
     return _cache[key]
 
 

@@ -59,10 +59,10 @@ def _charts(section: Section) -> list[Chart]:
     return [*section.charts, *(chart for inner in section.sections for chart in _charts(inner))]
 
 
-def write_report(report: Report, folder: pathlib.Path) -> list[pathlib.Path]:
+def write_report(report: Report, folder: pathlib.Path, *, workers: int = 1) -> list[pathlib.Path]:
     """Write report.html, report.md and figures/*.png into `folder`; the paths of the two reports.
 
-    Each file appears whole or not at all. Raises `FileError` when a file cannot be written.
+    `workers` processes draw the figures. Each file appears whole or not at all; `FileError` when one cannot be written.
     """
     from hqp_rp.compare.chart_html import html, script
     from hqp_rp.compare.chart_png import png
@@ -73,8 +73,15 @@ def write_report(report: Report, folder: pathlib.Path) -> list[pathlib.Path]:
     for old in figures.glob("*.png"):
         if old.stem not in {chart.name for chart in report.charts()}:
             old.unlink()
-    for chart in report.charts():
-        write_atomically(figures / f"{chart.name}.png", png(chart, styles))
+    charts = report.charts()
+    if workers > 1 and len(charts) > 1:
+        import joblib
+
+        pictures = joblib.Parallel(n_jobs=workers)(joblib.delayed(png)(chart, styles) for chart in charts)
+    else:
+        pictures = [png(chart, styles) for chart in charts]
+    for chart, picture in zip(charts, pictures, strict=True):
+        write_atomically(figures / f"{chart.name}.png", picture)
     environment = _environment()
     markdown = environment.get_template("report.md.j2").render(report=report)
     page = environment.get_template("report.html.j2").render(

@@ -69,7 +69,7 @@ class Outcome:
 
     def keeps(self, level: int) -> bool:
         """Whether the level (from 1) stayed at its optimum given the levels before it, but for rounding, at every step."""
-        value = self.proven[level - 1]
+        value = self.proven[level - 1] if len(self.proven) >= level else None
         return value is not None and value <= KEPT
 
 
@@ -105,9 +105,10 @@ class Case:
         return None if outcome.x_max is None or not self.far_norm else outcome.x_max / self.far_norm
 
     def bounded(self, outcome: Outcome) -> bool:
-        """Whether |x| stayed within `BOUNDED` times what is needed far from the singularity."""
-        growth = self.growth(outcome)
-        return growth is not None and growth <= BOUNDED
+        """Whether |x| stayed within `BOUNDED` times what is needed far from the singularity, where there is one."""
+        if outcome.x_max is None:
+            return False
+        return outcome.x_max <= BOUNDED * self.far_norm or not self.far_norm
 
 
 def cases(

@@ -52,7 +52,7 @@ def _limits(comparison: Comparison) -> tuple[str, ...]:
         for scenario in comparison.scenarios
         for sentence in scenario.cannot_tell
     ]
-    return (*own, *_CANNOT_TELL)
+    return (*comparison.left_out, *own, *_CANNOT_TELL)
 
 
 def _words(name: str) -> str:

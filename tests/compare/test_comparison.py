@@ -12,7 +12,7 @@ import pytest
 
 import hqp_rp.compare.comparison as comparison_module
 import hqp_rp.compare.run as run_module
-from hqp_rp import FileError, HqpError, SettingError, Solver, Status, UnknownNameError
+from hqp_rp import FileError, HqpError, MissingExtraError, SettingError, Solver, Status, UnknownNameError
 from hqp_rp.compare import Comparison, Contestant, compare
 from hqp_rp.compare.contestants import DAMPED, EXACT
 from hqp_rp.compare.run import Unit
@@ -115,7 +115,7 @@ def test_times_stand_in_their_own_section_only(written: tuple[Comparison, Path],
 @pytest.fixture
 def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Everything but the drawing, which takes most of the time."""
-    monkeypatch.setattr(comparison_module, "write_report", lambda report, folder: [])
+    monkeypatch.setattr(comparison_module, "write_report", lambda report, folder, workers: [])
 
 
 class Links(HTMLParser):
@@ -234,6 +234,25 @@ def test_wrong_input_is_named(arguments: dict[str, object], kind: type[HqpError]
     with pytest.raises(kind) as caught:
         compare(**merged)  # type: ignore[arg-type]
     assert words in str(caught.value)
+
+
+class Needy(Closing):
+    name = "needy"
+
+    def check(self) -> None:
+        raise MissingExtraError("needy needs a robot; pip install robot.")
+
+
+def test_a_scenario_without_its_package_is_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    registry = {"closing": Closing, "needy": Needy}
+    monkeypatch.setattr(comparison_module, "all_scenarios", lambda: registry)
+    monkeypatch.setattr(comparison_module, "get_scenario", lambda item: registry[item]())
+    found = compare(None, ["pseudo_inverse"], quick=True, workers=1)
+    assert found.left_out == ("needy was left out: needy needs a robot; pip install robot.",)
+    limits = next(section for section in found.report().sections if section.title == "What this cannot tell")
+    assert found.left_out[0] in limits.sentences
+    with pytest.raises(MissingExtraError):
+        compare(["needy"], ["pseudo_inverse"], workers=1)
 
 
 def test_quick_is_shorter() -> None:
