@@ -30,9 +30,9 @@ class QpCascade(Solver):
     conditioned: for a level of equalities alone, with no row kept, `min 1/2 ||w||^2 - (U^T d)^T w`, which the back end solves.
     Levels are scaled by powers of two first. A level that is met already where it starts needs no QP.
 
-    Hard rows are solved first, with slack: where slack remains they contradict each other. `SOLVED` is never the back end's
-    word: each level is checked at the final x in its own units (avoidable residual, from the factorization or from
-    duality) and each hard row against `tolerance`.
+    Hard rows are solved first, with slack: where slack remains, `INFEASIBLE` is said once weights on the violated rows prove
+    that they contradict each other (Farkas). `SOLVED` is never the back end's word: every level, every hard row and the
+    distance to `secondary` are checked at the final x against `tolerance`, by the library's own certificate.
 
     Settings:
         backend: "proxqp" and "osqp" through their native interfaces with workspaces kept between calls, or any other name
@@ -47,7 +47,7 @@ class QpCascade(Solver):
     Raises `SettingError` for a back end that is not installed or a setting out of range.
 
     Source: Kanoun, Lamiraux and Wieber 2011 (the cascade); Escande, Mansard and Wieber 2014 (the null-space
-    basis, the optimal slacks kept). The coordinates and the check are ours.
+    basis, the optimal slacks kept). The coordinates are ours.
     """
 
     name: ClassVar[str] = "qp_cascade"
@@ -105,6 +105,6 @@ class QpCascade(Solver):
                 for level in problem.levels:
                     minimize_rows(cascade, level.A, level.lower, level.upper, level.name)
                 cascade.minimize(np.eye(problem.n), start, start, "the distance to the secondary vector")
-            status, message = judge(cascade, problem.hard, self.tolerance, infeasible)
+            status, message = judge(cascade, problem, self.tolerance, infeasible, secondary)
         x = None if status in (Status.INFEASIBLE, Status.NOT_FINITE) else cascade.x
         return Solution(problem, x, status, cascade.iterations, message, secondary)

@@ -16,6 +16,8 @@ from hqp_rp.core.qp_workspace import Workspace, judge, minimize_hard_rows, minim
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 
+SUM = "the weighted sum"
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Weighted(Solver):
@@ -103,9 +105,13 @@ class Weighted(Solver):
         with np.errstate(all="ignore"):
             infeasible = minimize_hard_rows(cascade, problem.hard, self.tolerance)
             if infeasible is None:
-                minimize_rows(cascade, A, lower, upper, "the weighted sum")
+                minimize_rows(cascade, A, lower, upper, SUM)
                 minimize_rows(cascade, np.eye(problem.n), start, start, "the distance to the secondary vector")
-            status, message = judge(cascade, problem.hard, self.tolerance, infeasible)
+            # The promise is about the weighted sum: as one level it is judged like any other.
+            as_one = Problem.from_stacked(
+                A, lower, upper, np.array([0, len(A)]), names=[SUM], hard=problem.hard, check=False
+            )
+            status, message = judge(cascade, as_one, self.tolerance, infeasible, secondary)
         x = None if status in (Status.INFEASIBLE, Status.NOT_FINITE) else cascade.x
         return Solution(problem, x, status, cascade.iterations, message, secondary)
 

@@ -19,35 +19,6 @@ _FLAT = (
 _STRONG = 1e-6  # A row whose scaled multiplier or violation exceeds this stays where it is at later levels.
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Check:
-    """What is needed to judge a finished level at a later point, in the scaled units of `A`.
-
-    `basis` (m, r), where it is not None: an orthonormal basis of the part of the residual that this level could move,
-    so that `||basis^T (A x - b)||` is its avoidable residual. Otherwise `least` is a lower bound on the violation norm
-    that the level can reach, from duality, and `||v(x)|| - least` bounds the avoidable residual from above.
-    """
-
-    name: str
-    A: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    basis: FloatArray | None
-    least: float
-
-    def avoidable(self, x: FloatArray) -> tuple[float, float]:
-        """(avoidable residual at x, the scale ||A|| ||x|| + ||b|| that it is measured against)."""
-        value = self.A @ x
-        target = np.clip(value, self.lower, self.upper)
-        v = value - target
-        # ||A||_F / sqrt(rank) <= ||A||_2: the stricter reading of the promise.
-        size = norm(self.A.ravel()) / math.sqrt(max(1, min(self.A.shape)))
-        scale = size * norm(x) + norm(target)
-        if self.basis is not None:
-            return norm(self.basis.T @ v), scale
-        return max(0.0, norm(v) - self.least), scale
-
-
 @dataclasses.dataclass(slots=True, eq=False)
 class Memory:
     """What one level's QP is warm-started from: its point x (n,) and the multipliers of all rows, by row number."""
@@ -67,7 +38,7 @@ class Cascade:
 
     Attributes:
         x: the point. Z: (n, r) orthonormal basis of the directions that no finished level cares about.
-        checks: one `Check` for each finished level. iterations: of the back end, summed.
+        finished: number of finished levels. iterations: of the back end, summed.
         hit_limit: whether a back end ended at its iteration limit. remarks: what back ends said of failed runs.
     """
 
@@ -78,7 +49,7 @@ class Cascade:
         self.start = x
         self.x = x.copy()
         self.Z: FloatArray = np.eye(n)
-        self.checks: list[Check] = []
+        self.finished = 0
         self.iterations = 0
         self.hit_limit = False
         self.remarks: list[str] = []
@@ -108,12 +79,10 @@ class Cascade:
         Args:
             A: (m, n), lower, upper: (m,), scaled to the order of one. name: for messages.
         """
-        index = len(self.checks)
+        index = self.finished
+        self.finished += 1
         if self.Z.shape[1] == 0:
-            # Nothing can move any more: what the level finds is what it gets.
-            value = A @ self.x
-            self.checks.append(Check(name, A, lower, upper, None, norm(value - np.clip(value, lower, upper))))
-            return
+            return  # Nothing can move any more: what the level finds is what it gets.
         ids = np.arange(self._taken, self._taken + len(A))
         self._taken += len(A)
         bounded = np.isfinite(lower) | np.isfinite(upper)
@@ -126,7 +95,6 @@ class Cascade:
         U, sigma, Vr, V0 = _factor(E @ self.Z, A)
         d = b - E @ self.x
         c = U.T @ d
-        basis = None if len(S_rows) or len(self._kept) else U
         if len(S_rows) == 0 and len(self._kept) == 0:
             noise = 8.0 * _EPS * (norm(b) + norm(E.ravel()) * norm(self.x))
             size = _power_of_two(c)
@@ -137,12 +105,10 @@ class Cascade:
                 if answer.t is not None:
                     self.x += self.Z @ (Vr @ (answer.t * size / sigma))
             self.Z = self.Z @ V0
-            self.checks.append(Check(name, A, lower, upper, basis, 0.0))
             return
         D = 1.0 / np.maximum(sigma, _FLAT * sigma.max(initial=0.0))
         felt = self._felt(V0, S_rows)
         level = _LevelQP(self, S_rows, S_lower, S_upper, c, sigma * D, np.hstack([Vr * D, felt]))
-        unreachable = norm(d - U @ c)
         size = _power_of_two(np.concatenate([c, level.violation(np.zeros(level.n))]))
         t, y = np.zeros(level.n), np.zeros(level.m)
         if size > 0.0:
@@ -153,12 +119,8 @@ class Cascade:
                 t, y = answer.t, answer.y
                 if self._polish:
                     t, y = qp_polish.polish(qp, t, y)
-            least = qp_polish.least_violation(qp, t, y) * size
             self._remember(index, self.x + self.Z @ (level.T @ (t * size)), row_ids, level.unscaled(y) * size)
-        else:
-            least = 0.0
         self.x += self.Z @ (level.T @ (t * size))
-        self.checks.append(Check(name, A, lower, upper, basis, math.hypot(least, unreachable)))
         self._freeze(V0, S_rows, S_lower, S_upper, S_ids, y, size, A)
 
     def _solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None, name: str) -> QPAnswer:

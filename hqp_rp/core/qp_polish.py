@@ -1,4 +1,4 @@
-"""What is done to a QP's answer before it is believed: refinement on its active rows, and a bound from duality."""
+"""What is done to a QP's answer before it is used: refinement on its active rows."""
 
 from __future__ import annotations
 
@@ -116,40 +116,6 @@ def _least_squares(M: FloatArray, residual: FloatArray) -> FloatArray:
     return np.asarray(Vt[:rank].T @ ((U[:, :rank].T @ residual) / sigma[:rank]))
 
 
-def least_violation(qp: SlackQP, t: FloatArray, y: FloatArray) -> float:
-    """A lower bound on `||(S w - c, s)||` over all t that meet the hard rows, in a ball ten times as long as t.
-
-    f is convex, so `f(t') >= f(t) + g . (t' - t)`; with multipliers of the right sign, `g = -K^T y + r`,
-    f* >= f(t) - sum_i |y_i| slack_i - 1/2 ||r_w / S||^2 - ||r_u|| R (Boyd and Vandenberghe 2004, section 5.2). The hard rows'
-    own violation at t enters as negative slack, which can only lower the bound.
-
-    Args:
-        qp: the QP, with S^2 its Hessian where that is positive (w) and no curvature elsewhere (u).
-    """
-    best = _bound(qp, t, y[qp.soft :])
-    K = qp.rows[qp.soft :]
-    if len(K) == 0:
-        return best
-    f, gradient = _objective(qp, t)
-    if best >= np.sqrt(2.0 * f) * (1.0 - 1e-12):
-        return best
-    return max(best, _bound(qp, t, _nonnegative_multipliers(qp, t, gradient)))
-
-
-def _bound(qp: SlackQP, t: FloatArray, y: FloatArray) -> float:
-    f, gradient = _objective(qp, t)
-    K, lower, upper = qp.rows[qp.soft :], qp.lower[qp.soft :], qp.upper[qp.soft :]
-    y = np.where((y > 0) & np.isfinite(upper), y, np.where((y < 0) & np.isfinite(lower), y, 0.0))
-    value = K @ t
-    slack = np.where(y > 0, upper - value, np.where(y < 0, value - lower, 0.0))
-    r = gradient + K.T @ y
-    curved = qp.hessian > 1e-8
-    radius = 10.0 * (1.0 + float(np.linalg.norm(t)))
-    gap = float(np.abs(y) @ np.abs(slack)) + 0.5 * float((r[curved] ** 2 / qp.hessian[curved]).sum())
-    gap += float(np.linalg.norm(r[~curved])) * radius
-    return float(np.sqrt(max(0.0, 2.0 * (f - gap))))
-
-
 def _objective(qp: SlackQP, t: FloatArray) -> tuple[float, FloatArray]:
     """(1/2 ||(S w - c, violation)||^2, its gradient)."""
     soft = qp.soft
@@ -161,24 +127,3 @@ def _objective(qp: SlackQP, t: FloatArray) -> tuple[float, FloatArray]:
     gradient = qp.rows[:soft].T @ violation
     gradient[curved] += root * residual
     return 0.5 * float(residual @ residual + violation @ violation), gradient
-
-
-def _nonnegative_multipliers(qp: SlackQP, t: FloatArray, gradient: FloatArray) -> FloatArray:
-    """Multipliers of the right sign on the rows at their bounds that best balance the gradient."""
-    from scipy.optimize import nnls
-
-    K, lower, upper = qp.rows[qp.soft :], qp.lower[qp.soft :], qp.upper[qp.soft :]
-    value = K @ t
-    at_upper = np.flatnonzero(upper - value < 1e-7)
-    at_lower = np.flatnonzero(value - lower < 1e-7)
-    y = np.zeros(len(K))
-    if len(at_upper) + len(at_lower) == 0:
-        return y
-    columns = np.concatenate([K[at_upper], -K[at_lower]]).T
-    try:
-        weights = nnls(columns, -gradient)[0]
-    except RuntimeError:  # It ran out of iterations: no bound from here.
-        return y
-    y[at_upper] += weights[: len(at_upper)]
-    y[at_lower] -= weights[len(at_upper) :]
-    return y

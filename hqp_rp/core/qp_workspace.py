@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.qp_backend import Backend, make_backend
-from hqp_rp.core.qp_level import Cascade, Check, Memory, norm, power_of_two_scale
+from hqp_rp.core.qp_level import Cascade, Memory, power_of_two_scale
 from hqp_rp.core.solution import Status
+from hqp_rp.core.verify import contradiction, fault_of, hard_excess
 
 HARD = "the hard rows"
 
@@ -60,7 +59,7 @@ def _refuse_overflow(cascade: Cascade, lower: FloatArray, upper: FloatArray) -> 
 def minimize_hard_rows(cascade: Cascade, hard: Level | None, tolerance: float) -> str | None:
     """Bring `cascade` to a point that meets the hard rows, each scaled by its own power of two, and keep them.
 
-    Returns a sentence that names the rows in conflict when no such point exists, else None.
+    Returns a sentence that names the rows in conflict when it is proven that no such point exists, else None.
     """
     if hard is None or hard.m == 0:
         return None
@@ -68,57 +67,25 @@ def minimize_hard_rows(cascade: Cascade, hard: Level | None, tolerance: float) -
     lower, upper = np.ldexp(hard.lower, -e), np.ldexp(hard.upper, -e)
     _refuse_overflow(cascade, lower, upper)
     cascade.minimize(np.ldexp(hard.A, -e[:, None]), lower, upper, HARD)
-    check = cascade.checks[-1]
-    violation, allowed = _hard_violation(check, cascade.x, tolerance)
-    if (violation <= allowed).all():
+    if not np.isfinite(cascade.x).all() or hard_excess(hard, cascade.x) <= tolerance:
         return None
-    # What remains however x moves: the part of the violation that duality proves.
-    avoidable = check.avoidable(cascade.x)[0]
-    least = math.sqrt(max(0.0, norm(violation) ** 2 - avoidable**2)) if check.basis is not None else check.least
-    if least <= norm(allowed):
-        return None
-    rows = np.flatnonzero(violation > 1e-6 * violation.max())
-    original = np.ldexp(violation, e)
-    named = ", ".join(str(int(i)) for i in rows[:8]) + (", ..." if len(rows) > 8 else "")
-    subject = f"Hard rows {named} contradict each other" if len(rows) > 1 else f"Hard row {named} cannot be met"
-    return (
-        f"{subject}: the x of least violation still misses by {original.max():.3g}. "
-        "Loosen these rows, or move them to a level."
-    )
+    return contradiction(hard, cascade.x) or None
 
 
-def judge(cascade: Cascade, hard: Level | None, tolerance: float, infeasible: str | None) -> tuple[Status, str]:
-    """The status of a finished cascade, from the residuals at its final x alone, and the sentence that explains it."""
+def judge(
+    cascade: Cascade,
+    problem: Problem,
+    tolerance: float,
+    infeasible: str | None,
+    secondary: FloatArray | None,
+) -> tuple[Status, str]:
+    """The status of a finished cascade and the sentence that explains it, from its final x alone (`fault_of`)."""
     if infeasible is not None:
         return Status.INFEASIBLE, infeasible
     if not np.isfinite(cascade.x).all():
         return Status.NOT_FINITE, "x holds infinite or undefined numbers."
-    faults = []
-    for check in cascade.checks:
-        if check.name == HARD and hard is not None:
-            violation, allowed = _hard_violation(check, cascade.x, tolerance)
-            if not (violation <= allowed).all():
-                row = int(np.argmax(violation - allowed))
-                faults.append(
-                    f"hard row {row} is violated by {violation[row] / max(allowed[row], 1e-300) * tolerance:.3g} "
-                    f"of its scale, allowed {tolerance:.3g}"
-                )
-            continue
-        avoidable, scale = check.avoidable(cascade.x)
-        if not math.isfinite(avoidable):
-            return Status.NOT_FINITE, f"The residual of {check.name} overflows."
-        if avoidable > tolerance * scale:
-            faults.append(
-                f"{check.name}: avoidable residual up to {avoidable / scale:.3g} of its scale, allowed {tolerance:.3g}"
-            )
-    if not faults:
+    fault = fault_of(problem, cascade.x, secondary, tolerance)
+    if not fault:
         return Status.SOLVED, ""
-    message = "; ".join(faults + cascade.remarks) + "."
+    message = " ".join([fault, *(f"{remark}." for remark in cascade.remarks)])
     return (Status.ITERATION_LIMIT if cascade.hit_limit else Status.INACCURATE), message
-
-
-def _hard_violation(check: Check, x: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray]:
-    """(violation, allowed violation) of each hard row, in scaled units."""
-    value = check.A @ x
-    target = np.clip(value, check.lower, check.upper)
-    return np.abs(value - target), tolerance * (np.linalg.norm(check.A, axis=1) * norm(x) + np.abs(target))
