@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hqp_rp.control.activation import BlendedSolution, blend, ramp
 from hqp_rp.control.center_of_mass_task import CenterOfMassTask
 from hqp_rp.control.collision_limit import CollisionLimit
 from hqp_rp.control.force import ForceReference
@@ -26,6 +27,7 @@ from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import Wrench, WrenchSensor
 
 __all__ = [
+    "BlendedSolution",
     "CenterOfMassTask",
     "CollisionLimit",
     "Command",
@@ -53,4 +55,6 @@ __all__ = [
     "VelocityLimit",
     "Wrench",
     "WrenchSensor",
+    "blend",
+    "ramp",
 ]

@@ -25,6 +25,12 @@ def _digest() -> str:
 SOURCES = _digest()
 
 
+def inlined(function: Compiled) -> Compiled:
+    """A small piece of a kernel, put into its callers as it stands: a call with many arrays would cost more than its work."""
+    options: dict[str, Any] = {"inline": "always", "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
+    return cast(Compiled, numba.njit(**options)(function))
+
+
 def kernel(function: Compiled) -> Compiled:
     """Compile `function` at its first call and cache the machine code.
 
