@@ -64,33 +64,41 @@ def write_report(report: Report, folder: pathlib.Path, *, workers: int = 1) -> l
 
     `workers` processes draw the figures. Each file appears whole or not at all; `FileError` when one cannot be written.
     """
-    from hqp_rp.compare.chart_html import html, script
-    from hqp_rp.compare.chart_png import png
+    from hqp_rp.compare.chart_html import script
 
     styles = dict(report.styles)
     figures = folder / "figures"
     figures.mkdir(exist_ok=True)
-    for old in figures.glob("*.png"):
-        if old.stem not in {chart.name for chart in report.charts()}:
-            old.unlink()
     charts = report.charts()
+    for old in figures.glob("*.png"):
+        if old.stem not in {chart.name for chart in charts}:
+            old.unlink()
     if workers > 1 and len(charts) > 1:
         import joblib
 
-        pictures = joblib.Parallel(n_jobs=workers)(joblib.delayed(png)(chart, styles) for chart in charts)
+        drawn = joblib.Parallel(n_jobs=workers)(joblib.delayed(_drawn)(chart, styles) for chart in charts)
     else:
-        pictures = [png(chart, styles) for chart in charts]
-    for chart, picture in zip(charts, pictures, strict=True):
+        drawn = [_drawn(chart, styles) for chart in charts]
+    pieces = {}
+    for chart, (picture, piece) in zip(charts, drawn, strict=True):
         write_atomically(figures / f"{chart.name}.png", picture)
+        pieces[chart.name] = piece
     environment = _environment()
     markdown = environment.get_template("report.md.j2").render(report=report)
     page = environment.get_template("report.html.j2").render(
-        report=report, draw=lambda chart: html(chart, styles), plotly=script()
+        report=report, draw=lambda chart: pieces[chart.name], plotly=script()
     )
     paths = [folder / "report.html", folder / "report.md"]
     for path, text in zip(paths, (page, markdown), strict=True):
         write_atomically(path, text.encode())
     return paths
+
+
+def _drawn(chart: Chart, styles: dict[str, Style]) -> tuple[bytes, str]:
+    from hqp_rp.compare.chart_html import html
+    from hqp_rp.compare.chart_png import png
+
+    return png(chart, styles), html(chart, styles)
 
 
 def _environment() -> Any:
