@@ -181,7 +181,7 @@ class Crossing(Scenario):
         inside = np.abs(from_middle) < 0.5
         h = np.where(inside, self.demand * np.cos(math.pi * from_middle) ** 2, 0.0)
         hd = np.where(inside, -self.demand * math.pi / w * np.sin(2.0 * math.pi * from_middle), 0.0)
-        turn = _about(axis, h)
+        turn = turned_about(axis, h)
         return Path(
             time=time,
             q=q,
@@ -276,7 +276,7 @@ def _speeds(x: FloatArray, command: FloatArray, qd: FloatArray) -> dict[str, flo
     }
 
 
-def _about(axis: FloatArray, angle: FloatArray) -> FloatArray:
+def turned_about(axis: FloatArray, angle: FloatArray) -> FloatArray:
     """(k, 3, 3) rotations about the unit vector `axis` (3,) by `angle` (k,) rad."""
     x, y, z = axis.tolist()
     cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))

@@ -47,6 +47,7 @@ class Scenario(abc.ABC):
         question: the question, as a sentence.
         cannot_tell: what the test cannot tell, as sentences; printed before its tables.
         abscissa: label of `Step.parameter`, with its unit; `log_abscissa`: whether figures use a log axis.
+        by_default: whether a comparison that names no scenario takes it.
     """
 
     name: ClassVar[str]
@@ -54,6 +55,7 @@ class Scenario(abc.ABC):
     cannot_tell: ClassVar[tuple[str, ...]]
     abscissa: ClassVar[str]
     log_abscissa: ClassVar[bool] = False
+    by_default: ClassVar[bool] = True
 
     @abc.abstractmethod
     def steps(self, solver: Solver, seed: int) -> Iterator[Step]:

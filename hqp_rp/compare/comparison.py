@@ -82,7 +82,8 @@ def compare(
     taken while as many processes run as there are cores: ratios between solvers of one run are meant, not absolute times.
 
     Args:
-        scenarios: names or `Scenario`s; None means every scenario whose optional packages are here.
+        scenarios: names or `Scenario`s; None means every scenario that is meant for it (`Scenario.by_default`) and whose
+            optional packages are here.
         solvers: names (all variants of that solver), `name:key=value,key=value`, `Solver`s or `Contestant`s; None means the
             default line-up.
         seeds: how many seeds, 0 ... seeds - 1; None means 3, with `quick` 1.
@@ -141,6 +142,10 @@ def _measured(
     )
 
 
+def _by_default() -> list[str]:
+    return [name for name, kind in all_scenarios().items() if kind.by_default]
+
+
 def _scenarios(scenarios: Sequence[str | Scenario] | None, quick: bool) -> tuple[tuple[Scenario, ...], tuple[str, ...]]:
     """The scenarios, and a sentence for each that nobody asked for by name and that lacks an optional package."""
     if isinstance(scenarios, str | Scenario):
@@ -149,7 +154,7 @@ def _scenarios(scenarios: Sequence[str | Scenario] | None, quick: bool) -> tuple
         raise SettingError("scenarios is an empty list; give scenario names or Scenarios, or None for all of them.")
     found: dict[str, Scenario] = {}
     left_out = []
-    for item in all_scenarios() if scenarios is None else scenarios:
+    for item in _by_default() if scenarios is None else scenarios:
         scenario = get_scenario(item)
         name = type(scenario).name
         if name in found and repr(found[name]) != repr(scenario):

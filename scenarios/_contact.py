@@ -1,0 +1,174 @@
+"""A simulated arm with a ball at its tool, against walls of a given stiffness: the contact physics of the force scenarios."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.dh import DHArm
+from hqp_rp.robot.mujoco_arm import arm_spec
+from hqp_rp.robot.mujoco_robot import MujocoRobot
+
+BALL_RADIUS = 0.02
+"""m, of the ball that stands for the tool; its centre is the frame "tool"."""
+
+_PLATE = 0.3  # m, half the size at which a wall is drawn; the plane itself has no end
+_AXES = {"x": 0, "y": 1, "z": 2}
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Surface:
+    """What a wall is made of: while it is touched, `F_e = K_e r + B_e r' + M_e r''`, r the depth of the ball in it, in m.
+
+    F_e is never negative: nothing sticks. That is equation (36). Args: stiffness K_e, N/m, > 0; damping B_e, N s/m, >= 0;
+    mass M_e, kg, > 0, what moves with the surface, small beside the arm's.
+    """
+
+    stiffness: float = 1e5
+    damping: float = 10.0
+    mass: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name, low in (("stiffness", "> 0"), ("damping", ">= 0"), ("mass", "> 0")):
+            value = getattr(self, name)
+            good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+            if not good or value < 0.0 or (value == 0.0 and low == "> 0"):
+                raise SettingError(f"{name} of a wall is {value!r}; it must be a finite number {low}.")
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Touch:
+    """What the walls felt during one control period. Every mapping has one entry for each wall, by its axis.
+
+    Attributes:
+        force: N, at the end of the period. peak: N, the largest at any simulation step.
+        share: of the simulation steps with contact. energy: J, work done on the wall, the integral of F_e dr.
+        depth: m, of the ball in the wall at the end; negative when it is away.
+    """
+
+    force: Mapping[str, float]
+    peak: Mapping[str, float]
+    share: Mapping[str, float]
+    energy: Mapping[str, float]
+    depth: Mapping[str, float]
+
+
+class ContactArm:
+    """The arm of `arm_spec` with a ball at its tool, and a flat wall across each of the given axes, on its positive side.
+
+    The contact is MuJoCo's own, without friction. Its constraint obeys `R f = a_ref - a`, a_ref = -b r' - k r with the
+    depth r counted negative; with the regularization R = 1 / M_e, k = K_e / M_e and b = B_e / M_e that is exactly
+    `Surface`'s law. So `solref` and `solimp` follow from K_e, B_e, M_e and the model's inverse weight of the last link,
+    and nothing is tuned. Only the ball touches the walls.
+
+    Args:
+        arm: the arm. timestep: s, of the simulation.
+        walls: axis ("x", "y" or "z" of the world) -> m, where the ball's centre is when it touches.
+        surface: what all walls are made of.
+    """
+
+    def __init__(self, arm: DHArm, timestep: float, walls: Mapping[str, float], surface: Surface) -> None:
+        spec = arm_spec(arm, timestep=timestep)
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+        last = spec.body(arm.links[-1].name)
+        site = spec.site("tool")
+        last.add_geom(
+            name="ball",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[BALL_RADIUS, 0.0, 0.0],
+            pos=site.pos,
+            contype=0,
+            conaffinity=0,
+            rgba=[0.83, 0.37, 0.0, 1.0],
+            mass=0.0,
+        )
+        normals = np.zeros((len(walls), 3))
+        for row, (axis, place) in enumerate(walls.items()):
+            normals[row, _AXES[axis]] = 1.0
+            spec.worldbody.add_geom(
+                name=f"wall {axis}",
+                type=mujoco.mjtGeom.mjGEOM_PLANE,
+                size=[_PLATE, _PLATE, 0.01],
+                pos=(place + BALL_RADIUS) * normals[row],
+                zaxis=-normals[row],
+                contype=0,
+                conaffinity=0,
+                rgba=[0.6, 0.65, 0.7, 0.35],
+            )
+            spec.add_pair(name=f"wall {axis}", geomname1="ball", geomname2=f"wall {axis}", condim=1)
+        self.robot = MujocoRobot.from_spec(spec, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
+        self.surface = surface
+        self._axes = tuple(walls)
+        self._places = np.array([walls[axis] for axis in self._axes], dtype=np.float64)
+        self._index = np.array([_AXES[axis] for axis in self._axes], dtype=np.intp)
+        self._make_walls()
+
+    def _make_walls(self) -> None:
+        model, s = self.robot.model, self.surface
+        self._row_of_geom = {model.geom(f"wall {axis}").id: i for i, axis in enumerate(self._axes)}
+        self._tool = model.site("tool").id
+        last = model.geom("ball").bodyid[0]
+        inverse = float(model.body_invweight0[last, 0])
+        d = s.mass * inverse / (1.0 + s.mass * inverse)  # R = (1 - d) / d * inverse = 1 / M_e
+        if not mujoco.mjMINIMP <= d <= mujoco.mjMAXIMP:
+            raise SettingError(f"mass of a wall is {s.mass!r} kg; MuJoCo takes what is about {0.01 / inverse:.2g} kg.")
+        # MuJoCo divides the stiffness by d and the damping by d.
+        model.pair_solref[:] = (-s.stiffness * d / s.mass, -s.damping * d / s.mass)
+        model.pair_solreffriction[:] = 0.0
+        model.pair_solimp[:] = (d, d, 0.001, 0.5, 2.0)
+
+    def reset(self, q: FloatArray) -> None:
+        """Put the arm at rest at q (n,), rad."""
+        robot = self.robot
+        mujoco.mj_resetData(robot.model, robot.data)
+        robot.data.qpos[:] = q
+        mujoco.mj_forward(robot.model, robot.data)
+        self._depth, self._force = self._sample()
+
+    def reading(self) -> FloatArray:
+        """(6,) what a force and torque sensor at the tool reads: force in N on the walls, and no torque; world axes."""
+        reading = np.zeros(6)
+        reading[self._index] = self._force
+        return reading
+
+    def advance(self, command: FloatArray, substeps: int) -> Touch:
+        """Send the servos a joint velocity (n,), rad/s, for that many simulation steps."""
+        model, data = self.robot.model, self.robot.data
+        data.ctrl[:] = command
+        depths, forces = [self._depth], [self._force]
+        for step in range(substeps):
+            # A step ends with a new state whose forces the next one computes first; the last has none after it.
+            mujoco.mj_step(model, data)
+            if step:
+                self._append(depths, forces)
+        mujoco.mj_forward(model, data)
+        self._append(depths, forces)
+        self._depth, self._force = depths[-1], forces[-1]
+        r, f = np.array(depths), np.array(forces)
+        work = 0.5 * ((f[1:] + f[:-1]) * np.diff(r, axis=0)).sum(axis=0)
+        found = (f[-1], f[1:].max(axis=0), (f[1:] > 0.0).mean(axis=0), work, r[-1])
+        return Touch(*(dict(zip(self._axes, values.tolist(), strict=True)) for values in found))
+
+    def _append(self, depths: list[FloatArray], forces: list[FloatArray]) -> None:
+        depth, force = self._sample()
+        depths.append(depth)
+        forces.append(force)
+
+    def _sample(self) -> tuple[FloatArray, FloatArray]:
+        """Depth in m and force in N for each wall, at the state that MuJoCo computed last."""
+        data = self.robot.data
+        depth: FloatArray = data.site_xpos[self._tool][self._index] - self._places
+        force = np.zeros(len(self._axes))
+        contact = data.contact
+        if data.ncon:
+            for geoms, address in zip(contact.geom.tolist(), contact.efc_address.tolist(), strict=True):
+                if address >= 0:
+                    row = self._row_of_geom.get(geoms[0], self._row_of_geom.get(geoms[1]))
+                    force[row] = data.efc_force[address]
+        return depth, force

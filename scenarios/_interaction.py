@@ -1,0 +1,325 @@
+"""What the force scenarios share: gains, starts, and the loop of controller, arm and walls, with what it measures."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import ClassVar, Self
+
+import numpy as np
+
+from hqp_rp.control._rotations import rotation_log
+from hqp_rp.control.interaction_controller import InteractionController
+from hqp_rp.control.limit import VelocityLimit
+from hqp_rp.control.singularities import SingularConfiguration, search_singularities
+from hqp_rp.control.stack import Stack
+from hqp_rp.control.twist_task import TwistTask
+from hqp_rp.control.wrench import WrenchSensor
+from hqp_rp.core.diagnostics import norm
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.solution import Status
+from hqp_rp.core.solver import Solver
+from hqp_rp.robot.arms import sawyer
+from hqp_rp.robot.dh import DHArm
+from hqp_rp.robot.robot import Robot
+from hqp_rp.scenarios._contact import ContactArm, Surface
+from hqp_rp.scenarios.scenario import Scenario, Step
+
+PAPER, DAMPED = "paper's numbers", "well damped"
+REGULAR, SINGULAR = "regular", "near singular"
+
+LOWER_AXES = ("y", "z", "rx", "ry", "rz")
+"""The second level of 5.1 and 5.2; the first is x."""
+
+INERTIA = (15.0, 15.0, 15.0, 80.0, 80.0, 80.0)
+"""kg, then kg m^2: the paper's M_d, 5.1."""
+DAMPING = (150.0, 150.0, 150.0, 280.0, 280.0, 280.0)
+"""N s/m, then N m s/rad: the paper's B_d, 5.1."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Gains:
+    """M_d, B_d and K_d along x, y, z, rx, ry, rz: kg, N s/m, N/m, then the same for rotation."""
+
+    M_d: FloatArray
+    B_d: FloatArray
+    K_d: FloatArray
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Case:
+    """One variant: which gains, and where the arm starts.
+
+    Attributes:
+        gains: `PAPER` or `DAMPED`. place: `REGULAR` or `SINGULAR`. q: (n,) rad, the start.
+    """
+
+    gains: str
+    place: str
+    q: FloatArray
+
+    @property
+    def name(self) -> str:
+        """What reports call the case."""
+        return f"{self.gains}, {self.place}"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Experiment:
+    """What a scenario puts on the arm in one case.
+
+    Attributes:
+        stack: the levels. update: sets the references to the time t, s; called before every step.
+        desired: F_d of each wall's axis at t, N. errors: what else is measured at t and the robot's configuration.
+    """
+
+    stack: Stack
+    update: Callable[[float], None]
+    desired: Callable[[float], Mapping[str, float]]
+    errors: Callable[[float, Robot], Mapping[str, float]]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Interaction(Scenario):
+    """The Sawyer of Table 1 under velocity servos, its tool a ball, its force sensor exact, against walls without friction.
+
+    At every period the controller reads force, configuration and velocity, integrates the references (33)-(51), and the
+    solver turns the levels into joint velocities; no solver is told of a limit, and a command that passes a joint's
+    velocity limit is shortened as a whole. A solver that fails stops the arm (`InteractionController`), and the case ends.
+
+    Four cases: two sets of gains at two starts.
+
+    - "paper's numbers": M_d and B_d of 5.1. Where a law has a spring, the paper gives none: K_d = B_d^2 / (4 M_d), which
+      makes the free motion critically damped.
+    - "well damped": the same but for B_d on axes that meet a wall: B_d = 2 damping_ratio sqrt(M_d K_e). Against the wall
+      the law itself, (37) without M_e and B_e, then has that damping ratio; the paper's numbers have 0.06 on 1e5 N/m. A
+      practitioner would choose it so because the stiffness is known, and M_d stays as it is.
+    - "regular": the arm's neutral posture. "near singular": where the lower levels are about to lose a direction beside
+      the first one; see the scenario.
+
+    Seed 0 has an exact sensor and starts as said. Every other seed starts off by a normal offset of standard deviation
+    `spread` per joint, and each reading has normal noise of standard deviation `noise` per axis.
+
+    Args:
+        duration: s, of one case; rounded to whole periods. period: s between two solves. substeps: simulation steps in one.
+        stiffness, wall_damping, wall_mass: K_e, B_e, M_e of `Surface`.
+        damping_ratio: > 0, of the second set. noise: N, >= 0. spread: rad, >= 0.
+
+    `Step.parameter` is the time of the problem. `Step.measured`, for the period that follows it, with A for the axis of
+    each wall:
+
+        "force A [N]", "desired force A [N]": at the end of the period;
+        "peak force A [N]": the largest at any simulation step; "contact A": share of the simulation steps in contact;
+        "energy A [J]": work done on the wall since the start;
+        "commanded speed [rad/s]": ||x|| as the solver asked; "measured speed [rad/s]": ||dq/dt||;
+        "shortened to": the factor in [0, 1] that the velocity limits left of x;
+
+    and position and orientation errors as the scenario says.
+
+    Raises:
+        SettingError: a setting out of its range.
+    """
+
+    by_default: ClassVar[bool] = False
+    abscissa: ClassVar[str] = "time (s)"
+    cannot_tell: ClassVar[tuple[str, ...]] = (
+        "The wall is a spring with a little damping and mass, without friction, and only the tool's ball touches it.",
+        "The velocity servos, link masses and inertias are chosen: the paper gives none, nor its control period.",
+        "The force reading is the simulation's own, without delay, filter or bias; seed 0 has no noise.",
+        "No solver is told of the velocity limits: a command that passes one is shortened as a whole, so that an answer "
+        "that is too fast slows the force level too. A solver that takes hard rows could do better if it were told.",
+        "Each solver is judged on the motion that it leads to; from the first differing answer on these differ.",
+    )
+
+    duration: float = 3.0
+    period: float = 0.002
+    substeps: int = 8
+    stiffness: float = 1e5
+    wall_damping: float = 10.0
+    wall_mass: float = 0.01
+    damping_ratio: float = 1.0
+    noise: float = 0.2
+    spread: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("duration", "period", "damping_ratio"):
+            self._require(name, lambda value: value > 0.0, "> 0")
+        for name in ("noise", "spread"):
+            self._require(name, lambda value: value >= 0.0, ">= 0")
+        if isinstance(self.substeps, bool) or not isinstance(self.substeps, int) or self.substeps < 1:
+            raise SettingError(f"substeps of {self.name} is {self.substeps!r}; it must be an integer of at least 1.")
+        if self.duration < 2.0 * self.period:
+            raise SettingError(
+                f"duration is {self.duration:g} s, period is {self.period:g} s; a run needs at least two periods."
+            )
+        self.surface()
+
+    @abc.abstractmethod
+    def cases(self) -> tuple[Case, ...]:
+        """The cases, in the order in which they are run."""
+
+    @abc.abstractmethod
+    def walls(self, case: Case, position: FloatArray) -> Mapping[str, float]:
+        """Axis -> where the ball's centre touches, m, from where it starts, (3,)."""
+
+    @abc.abstractmethod
+    def experiment(self, case: Case, robot: Robot) -> Experiment:
+        """The levels and references, for a robot at its start."""
+
+    def arm(self) -> DHArm:
+        """The arm that is simulated."""
+        return sawyer()
+
+    def surface(self) -> Surface:
+        """What the walls are made of."""
+        return Surface(self.stiffness, self.wall_damping, self.wall_mass)
+
+    def gains(self, case: Case, walled: str) -> Gains:
+        """M_d, B_d, K_d of a case; `walled` are the axes that meet a wall, "xy"."""
+        M, B = np.array(INERTIA), np.array(DAMPING)
+        K = B**2 / (4.0 * M)
+        if case.gains == DAMPED:
+            for axis in walled:
+                i = "xyz".index(axis)
+                B[i] = 2.0 * self.damping_ratio * math.sqrt(M[i] * self.stiffness)
+        return Gains(M, B, K)
+
+    def periods(self) -> int:
+        """Number of control periods of one case."""
+        return max(2, round(self.duration / self.period))
+
+    def length(self) -> int:
+        return len(self.cases()) * self.periods()
+
+    def quick(self) -> Self:
+        """A quarter of the duration, on simulation steps twice as long."""
+        return dataclasses.replace(
+            self, duration=max(0.25 * self.duration, 2.0 * self.period), substeps=max(1, self.substeps // 2)
+        )
+
+    def contact_arm(self, case: Case, seed: int = 0) -> ContactArm:
+        """The arm at the start of a case, with its walls."""
+        arm, timestep = self.arm(), self.period / self.substeps
+        offset = np.random.default_rng((seed, 1)).normal(scale=self.spread if seed else 0.0, size=arm.n)
+        q = case.q + offset
+        contact = ContactArm(arm, timestep, self.walls(case, arm.pose(q, "tool")[1]), self.surface())
+        contact.reset(q)
+        contact.robot.update(q)
+        return contact
+
+    def steps(self, solver: Solver, seed: int) -> Iterator[Step]:
+        for case in self.cases():
+            for step in self.run_case(case, self.contact_arm(case, seed), solver, seed):
+                yield step
+                if step.solution.status is Status.REFUSED:
+                    return
+
+    def run_case(self, case: Case, contact: ContactArm, solver: Solver, seed: int) -> Iterator[Step]:
+        """The steps of one case on an arm at its start; between two steps the simulation may be looked at."""
+        robot, data = contact.robot, contact.robot.data
+        experiment = self.experiment(case, robot)
+        sensor = WrenchSensor("tool", measures="on_environment", expressed_in="world", frozen_after=None)
+        controller = InteractionController(experiment.stack, sensor, solver, scale_into=[VelocityLimit()])
+        controller.start(robot, data.qvel)
+        rng = np.random.default_rng((seed, 2))
+        energy = dict.fromkeys(experiment.desired(0.0), 0.0)
+        for k in range(self.periods()):
+            t, end = k * self.period, (k + 1) * self.period
+            experiment.update(t)
+            robot.update(data.qpos)
+            reading = contact.reading()
+            if seed:
+                reading[:3] += rng.normal(scale=self.noise, size=3)
+            command = controller.step(robot, reading, self.period, data.qvel)
+            touch = contact.advance(command.v, self.substeps)
+            if command.problem is None or command.solution is None:
+                return
+            robot.update(data.qpos)
+            measured: dict[str, float] = {}
+            for axis, desired in experiment.desired(end).items():
+                energy[axis] += touch.energy[axis]
+                measured[f"force {axis} [N]"] = touch.force[axis]
+                measured[f"desired force {axis} [N]"] = desired
+                measured[f"peak force {axis} [N]"] = touch.peak[axis]
+                measured[f"contact {axis}"] = touch.share[axis]
+                measured[f"energy {axis} [J]"] = energy[axis]
+            measured.update(experiment.errors(end, robot))
+            x = command.solution.x
+            measured["commanded speed [rad/s]"] = 0.0 if x is None else norm(x)
+            measured["measured speed [rad/s]"] = norm(data.qvel)
+            measured["shortened to"] = command.scale
+            yield Step(case.name, t, command.problem, command.solution, command.solve_time, measured)
+
+    def _require(self, name: str, allowed: Callable[[float], bool], sign: str) -> None:
+        value = getattr(self, name)
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not number or not allowed(value):
+            raise SettingError(f"{name} of {self.name} is {value!r}; it must be a finite number {sign}.")
+
+
+# What `find_start()` returns: q and approach of a singular configuration, rad.
+_SINGULAR = (
+    0.4683577852020258,
+    -2.1575718220403344,
+    1.9760827226142124,
+    -1.064097034832635,
+    1.7075379247664757,
+    0.19660215245172266,
+    1.9076044064373974,
+)
+_APPROACH = (
+    0.0,
+    -0.13936644702870618,
+    0.23911061319208116,
+    0.6137932799961336,
+    -0.614085203707955,
+    -0.4117769786183404,
+    0.0,
+)
+_DISTANCE = 0.1
+"""rad, how far along the approach the arm starts: the smallest singular value of the lower level beside the first is
+0.013 there, of 1.6 the largest and 0.32 the next."""
+
+
+def first_axis_cases() -> tuple[Case, ...]:
+    """Both gains at the neutral posture and near the singularity of `find_start`, for X first and everything else second."""
+    near = np.array(_SINGULAR) + _DISTANCE * np.array(_APPROACH)
+    places = ((REGULAR, np.array(sawyer().neutral)), (SINGULAR, near))
+    return tuple(Case(gains, place, q) for gains in (PAPER, DAMPED) for place, q in places)
+
+
+def find_start(
+    lower_axes: Sequence[str] = LOWER_AXES, *, starts: int = 64, seed: int = 0, margin: float = 0.6
+) -> SingularConfiguration:
+    """The search behind the cases "near singular": where these axes of the tool lose a direction beside x.
+
+    Of the algorithmic singularities (12) of the two levels, x and `lower_axes`, that are at least `margin` rad from every
+    joint limit, the one farthest from any kinematic singularity: the largest min(own_sigma, earlier_sigma). With the
+    defaults it remakes the constants of this file. Raises `SettingError` when these starts find none.
+    """
+    from hqp_rp.robot.mujoco_robot import MujocoRobot
+
+    arm = sawyer()
+    stack = Stack([TwistTask("tool", axes=("x",)), TwistTask("tool", axes=lower_axes)])
+    found = search_singularities(MujocoRobot.from_arm(arm), stack, level=1, starts=starts, seed=seed)
+    inside = [
+        place for place in found if np.minimum(place.q - arm.lower, np.subtract(arm.upper, place.q)).min() >= margin
+    ]
+    if not inside:
+        raise SettingError(f"starts is {starts!r}, margin is {margin!r}: these find no singularity; give more starts.")
+    return max(inside, key=lambda place: min(place.own_sigma, place.earlier_sigma))
+
+
+def turn(R: FloatArray, R_desired: FloatArray) -> float:
+    """rad, the angle between two orientations (3, 3)."""
+    return norm(rotation_log(R @ R_desired.T))
+
+
+def pose_errors(robot: Robot, desired: tuple[FloatArray, FloatArray], axes: str) -> dict[str, float]:
+    """The tool against a desired pose (R, p): m along some of "xyz", and the angle between the orientations, rad."""
+    R, p = robot.pose("tool")
+    errors = {f"position error {axis} [m]": float((p - desired[1])["xyz".index(axis)]) for axis in axes}
+    return errors | {"orientation error [rad]": turn(R, desired[0])}
