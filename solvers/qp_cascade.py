@@ -11,7 +11,7 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
 from hqp_rp.core.qp_level import Cascade, Memory
-from hqp_rp.core.qp_workspace import Workspace, judge, minimize_hard_rows, minimize_rows
+from hqp_rp.core.qp_workspace import Workspace, descend
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 
@@ -99,12 +99,5 @@ class QpCascade(Solver):
         backend = self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
         rows = len(problem.matrix) + (0 if problem.hard is None else problem.hard.m) + problem.n
         cascade = Cascade(start, rows, backend, memory, polish=self.polish)
-        with np.errstate(all="ignore"):
-            infeasible = minimize_hard_rows(cascade, problem.hard, self.tolerance)
-            if infeasible is None:
-                for level in problem.levels:
-                    minimize_rows(cascade, level.A, level.lower, level.upper, level.name)
-                cascade.minimize(np.eye(problem.n), start, start, "the distance to the secondary vector")
-            status, message = judge(cascade, problem, self.tolerance, infeasible, secondary)
-        x = None if status in (Status.INFEASIBLE, Status.NOT_FINITE) else cascade.x
+        x, status, message = descend(cascade, problem, secondary, self.tolerance)
         return Solution(problem, x, status, cascade.iterations, message, secondary)

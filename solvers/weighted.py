@@ -12,7 +12,7 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
 from hqp_rp.core.qp_level import Cascade
-from hqp_rp.core.qp_workspace import Workspace, judge, minimize_hard_rows, minimize_rows
+from hqp_rp.core.qp_workspace import Workspace, descend
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 
@@ -102,17 +102,10 @@ class Weighted(Solver):
         memory = self._workspace.memory(problem)
         hard = 0 if problem.hard is None else problem.hard.m
         cascade = Cascade(start, len(A) + hard + problem.n, backend, memory, polish=True)
-        with np.errstate(all="ignore"):
-            infeasible = minimize_hard_rows(cascade, problem.hard, self.tolerance)
-            if infeasible is None:
-                minimize_rows(cascade, A, lower, upper, SUM)
-                minimize_rows(cascade, np.eye(problem.n), start, start, "the distance to the secondary vector")
-            # The promise is about the weighted sum: as one level it is judged like any other.
-            as_one = Problem.from_stacked(
-                A, lower, upper, np.array([0, len(A)]), names=[SUM], hard=problem.hard, check=False
-            )
-            status, message = judge(cascade, as_one, self.tolerance, infeasible, secondary)
-        x = None if status in (Status.INFEASIBLE, Status.NOT_FINITE) else cascade.x
+        # The promise is about the weighted sum: as one level it is solved and judged like any other.
+        offsets = np.array([0, len(A)], dtype=np.int64)
+        as_one = Problem.from_stacked(A, lower, upper, offsets, names=[SUM], hard=problem.hard, check=False)
+        x, status, message = descend(cascade, as_one, secondary, self.tolerance)
         return Solution(problem, x, status, cascade.iterations, message, secondary)
 
     def _stacked(self, problem: Problem, start: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,16 +1,19 @@
-"""What the solvers that stand on QPs share: kept workspaces, hard rows and levels brought to scale, the final verdict."""
+"""What the solvers that stand on QPs share: kept workspaces, the descent through hard rows and levels, the final verdict."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import Backend, make_backend
-from hqp_rp.core.qp_level import Cascade, Memory, power_of_two_scale
+from hqp_rp.core.qp_level import Cascade, Memory
 from hqp_rp.core.solution import Status
-from hqp_rp.core.verify import contradiction, fault_of, hard_excess
+from hqp_rp.core.verify import contradiction, fault_of, hard_excess, with_hard_rows
 
 HARD = "the hard rows"
+NOT_FINITE = "x holds infinite or undefined numbers."
 
 
 class Workspace:
@@ -41,51 +44,34 @@ class Workspace:
         return (Workspace, ())
 
 
-def minimize_rows(cascade: Cascade, A: FloatArray, lower: FloatArray, upper: FloatArray, name: str) -> None:
-    """`cascade.minimize` on the level scaled by a power of two, which changes no digit."""
-    e = power_of_two_scale(A)
-    if e:
-        A, lower, upper = np.ldexp(A, -e), np.ldexp(lower, -e), upper if upper is lower else np.ldexp(upper, -e)
-    _refuse_overflow(cascade, lower, upper)
-    cascade.minimize(A, lower, upper, name)
-
-
-def _refuse_overflow(cascade: Cascade, lower: FloatArray, upper: FloatArray) -> None:
-    """A bound that overflows in scaled units puts x beyond what floats hold: there is no answer."""
-    if (lower == np.inf).any() or (upper == -np.inf).any():
-        cascade.x = np.full_like(cascade.x, np.nan)
-
-
-def minimize_hard_rows(cascade: Cascade, hard: Level | None, tolerance: float) -> str | None:
-    """Bring `cascade` to a point that meets the hard rows, each scaled by its own power of two, and keep them.
-
-    Returns a sentence that names the rows in conflict when it is proven that no such point exists, else None.
-    """
-    if hard is None or hard.m == 0:
-        return None
-    e = np.frexp(np.abs(hard.A).max(axis=1))[1]
-    lower, upper = np.ldexp(hard.lower, -e), np.ldexp(hard.upper, -e)
-    _refuse_overflow(cascade, lower, upper)
-    cascade.minimize(np.ldexp(hard.A, -e[:, None]), lower, upper, HARD)
-    if not np.isfinite(cascade.x).all() or hard_excess(hard, cascade.x) <= tolerance:
-        return None
-    return contradiction(hard, cascade.x) or None
-
-
-def judge(
-    cascade: Cascade,
-    problem: Problem,
-    tolerance: float,
-    infeasible: str | None,
-    secondary: FloatArray | None,
-) -> tuple[Status, str]:
-    """The status of a finished cascade and the sentence that explains it, from its final x alone (`fault_of`)."""
-    if infeasible is not None:
-        return Status.INFEASIBLE, infeasible
-    if not np.isfinite(cascade.x).all():
-        return Status.NOT_FINITE, "x holds infinite or undefined numbers."
-    fault = fault_of(problem, cascade.x, secondary, tolerance)
+def descend(
+    cascade: Cascade, problem: Problem, secondary: FloatArray | None, tolerance: float
+) -> tuple[FloatArray | None, Status, str]:
+    """Hard rows, levels, distance to the secondary vector: (x or None, status, the sentence that explains it)."""
+    stacked = with_hard_rows(problem)
+    matrix, lower, upper, offsets = stacked
+    starts = offsets.tolist()
+    try:
+        with np.errstate(all="ignore"):
+            if starts[1] and problem.hard is not None:
+                # Each hard row scaled by its own power of two; they come with slack, so that there always is an answer.
+                m = starts[1]
+                cascade.minimize(matrix[:m], lower[:m], upper[:m], HARD, row_by_row=True)
+                if hard_excess(problem.hard, cascade.x) > tolerance:
+                    conflict = contradiction(problem.hard, cascade.x)
+                    if conflict:
+                        return None, Status.INFEASIBLE, conflict
+            for k, name in enumerate(problem.names):
+                a, b = starts[k + 1], starts[k + 2]
+                low = lower[a:b]
+                cascade.minimize(matrix[a:b], low, low if upper is lower else upper[a:b], name)
+            cascade.nearest(cascade.start, "the distance to the secondary vector")
+            if not math.isfinite(float(cascade.x.sum())):
+                return None, Status.NOT_FINITE, NOT_FINITE
+            fault = fault_of(problem, cascade.x, secondary, tolerance, stacked=stacked)
+    except (OverflowError, ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
+        return None, Status.NOT_FINITE, NOT_FINITE
     if not fault:
-        return Status.SOLVED, ""
+        return cascade.x, Status.SOLVED, ""
     message = " ".join([fault, *(f"{remark}." for remark in cascade.remarks)])
-    return (Status.ITERATION_LIMIT if cascade.hit_limit else Status.INACCURATE), message
+    return cascade.x, Status.ITERATION_LIMIT if cascade.hit_limit else Status.INACCURATE, message
