@@ -82,6 +82,7 @@ class Limited(Scenario):
     """
 
     abscissa: ClassVar[str] = "time (s)"
+    by_default: ClassVar[bool] = False  # another question than that of the main comparison
 
     duration: float = 4.0
     period: float = 0.02

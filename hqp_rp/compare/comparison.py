@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from hqp_rp.compare.contestants import Contestant, choose_contestants
+from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
 from hqp_rp.compare.machine import usable_cores
 from hqp_rp.compare.metrics import levels_frame, measured_frame, runs_frame, steps_frame
 from hqp_rp.compare.report import FILES, Report, write_report
@@ -99,7 +99,8 @@ def compare(
         FileError: `output` holds another run's report or foreign files, or cannot be written.
     """
     chosen, left_out = _scenarios(scenarios, quick)
-    contestants = choose_contestants(solvers)
+    only_default = all(type(scenario).by_default for scenario in chosen)
+    contestants = default_contestants(limits=not only_default) if solvers is None else choose_contestants(solvers)
     count = (QUICK_SEEDS if quick else SEEDS) if seeds is None else seeds
     units = units_of(chosen, contestants, count)
     run = description(chosen, contestants, count)

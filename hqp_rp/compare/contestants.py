@@ -84,10 +84,18 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
     "daqp": (("DAQP hierarchy", {}, QP, "DAQP's own hierarchical mode"),),
 }
 
+_FOR_LIMITS = ("reverse_priority_unilateral", "saturation_null_space")
+"""Without hard rows these are `reverse_priority` and `null_space`: they line up where a scenario has limits."""
 
-def default_contestants() -> tuple[Contestant, ...]:
-    """Every solver in the solvers folder: its variants worth showing, or its defaults when none are listed here."""
+
+def default_contestants(*, limits: bool = True) -> tuple[Contestant, ...]:
+    """Every solver in the solvers folder: its variants worth showing, or its defaults when none are listed here.
+
+    Without `limits`, those that differ from others only where there are hard rows are left out.
+    """
     order = [*_VARIANTS, *(name for name in all_solvers() if name not in _VARIANTS)]
+    if not limits:
+        order = [name for name in order if name not in _FOR_LIMITS]
     found = [contestant for name in order if name in all_solvers() for contestant in variants(name)]
     return tuple(sorted(found, key=lambda contestant: GROUPS.index(contestant.group)))
 
