@@ -1,4 +1,4 @@
-"""`hqp-rp`: compare solvers, list solvers, list scenarios."""
+"""`hqp-rp`: compare solvers, stress them, replay a case, list solvers, list scenarios."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import tyro
 
-from hqp_rp.core.errors import HqpError
+from hqp_rp.core.errors import HqpError, SettingError
 
 INTERRUPTED = 130
 MISUSE = 2
@@ -57,6 +57,77 @@ def compare(
     for sentence in found.answer:
         print(f"- {sentence}")
     print(f"The report: {output / 'report.html'}")
+    return 0
+
+
+def stress(
+    model: tyro.conf.Positional[str],
+    stack: str,
+    samples: int = 10_000,
+    solver: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    output: pathlib.Path = pathlib.Path("stress"),
+    seed: int = 0,
+    starts: int = 64,
+    overwrite: bool = False,
+    workers: int | None = None,
+    dask: str | None = None,
+) -> int:
+    """Stress every solver on a robot and a stack: at random, near the joint limits, towards every singularity found.
+
+    Writes a report: report.html, report.md with figures, worst cases as .npz, all rows as Parquet parts. A test that was
+    stopped, or killed, goes on where it stopped when the same command is given again.
+
+    Args:
+        model: an MJCF or URDF file, or sawyer, planar4 (planarN), dual_sawyer, humanoid.
+        stack: a stack file (TOML), or the name of one that comes with the library: sawyer, sawyer_limits, planar4,
+            dual_sawyer, humanoid.
+        samples: how many configurations.
+        solver: as in `hqp-rp compare`, and closed_forms for all of them; repeat it for more. Without it, every solver.
+        output: the folder to write.
+        seed: of every draw.
+        starts: of the search for singularities, for each level.
+        overwrite: replace the report of another run in that folder.
+        workers: processes; one for each core when not given.
+        dask: address of a running dask scheduler that takes the work instead, such as tcp://10.0.0.1:8786.
+    """
+    from hqp_rp.compare.stress import stress as run
+
+    try:
+        found = run(
+            model,
+            stack,
+            samples=samples,
+            solvers=solver or None,
+            output=output,
+            seed=seed,
+            starts=starts,
+            overwrite=overwrite,
+            workers=workers,
+            dask=dask,
+            progress=True,
+        )
+    except KeyboardInterrupt:
+        print(f"\nStopped. What is finished is kept in {output}; the same command goes on from there.", file=sys.stderr)
+        return INTERRUPTED
+    for sentence in found.answer:
+        print(f"- {sentence}")
+    print(f"The report: {output / 'report.html'}")
+    return 0
+
+
+def replay(file: tyro.conf.Positional[tuple[pathlib.Path, ...]], solver: str | None = None) -> int:
+    """Solve saved cases again and judge the answers.
+
+    Args:
+        file: .npz files, as a stress test keeps its worst cases; of several, by how much x changes from each to the next.
+        solver: a solver's name or NAME:KEY=VALUE,KEY=VALUE; without it, the one that the case was saved for.
+    """
+    from hqp_rp.compare.stress_worst import replay_all
+
+    if not file:
+        raise SettingError("replay needs a file: hqp-rp replay worst/CASE.npz.")
+    for sentence in replay_all(file, solver):
+        print(sentence)
     return 0
 
 
@@ -113,7 +184,13 @@ def _print_blocks(blocks: Sequence[tuple[str, Sequence[tuple[str, str]]]]) -> No
         print()
 
 
-COMMANDS: dict[str, Callable[..., int]] = {"compare": compare, "solvers": solvers, "scenarios": scenarios}
+COMMANDS: dict[str, Callable[..., int]] = {
+    "compare": compare,
+    "stress": stress,
+    "replay": replay,
+    "solvers": solvers,
+    "scenarios": scenarios,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -29,7 +29,7 @@ def source_digest() -> str:
     return together.hexdigest()[:12]
 
 
-_JUDGES = ("metrics.py", "reference.py", "run.py")
+_JUDGES = ("metrics.py", "reference.py", "run.py", "stress_judge.py", "stress_plan.py", "stress_rows.py")
 
 
 @functools.cache

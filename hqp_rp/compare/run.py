@@ -74,7 +74,7 @@ def run_units(units: Sequence[Unit], folder: RunFolder, *, workers: int | None, 
     weights = {id(unit): max(unit.scenario.length(), 1) for unit in units}
     total = sum(weights.values())
     done = total - sum(weights[id(unit)] for unit in left)
-    with _progress(progress, total, done) as advance:
+    with progress_bar(progress, total, done) as advance:
         if not left:
             return
         advance(0, "compiling kernels")
@@ -92,7 +92,7 @@ def _finished(left: Sequence[Unit], folder: RunFolder, workers: int) -> Iterator
         return
     import joblib
 
-    with _one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
+    with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
         pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
         for index, frame in pool(joblib.delayed(_indexed)(i, unit) for i, unit in enumerate(left)):
             folder.save(left[index].key, frame)
@@ -135,7 +135,7 @@ def warm_up(solvers: Iterable[Solver]) -> None:
 
 
 @contextlib.contextmanager
-def _one_thread_each() -> Iterator[None]:
+def one_thread_each() -> Iterator[None]:
     """Libraries that read their thread count when a worker imports them, polars among them, get one thread."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
     before = {name: os.environ.get(name) for name in names}
@@ -151,7 +151,8 @@ def _one_thread_each() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _progress(show: bool, total: int, done: int) -> Iterator[Callable[[int, str], None]]:
+def progress_bar(show: bool, total: int, done: int, unit: str = "steps") -> Iterator[Callable[[int, str], None]]:
+    """A progress bar with the time left on standard error; what it yields takes how many units are done, and a word."""
     if not show:
         yield lambda steps, what: None
         return
@@ -168,7 +169,7 @@ def _progress(show: bool, total: int, done: int) -> Iterator[Callable[[int, str]
     columns = (
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("steps"),
+        TextColumn(unit),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),

@@ -137,7 +137,7 @@ def find_singularities(
 
     Source: the definition by equation (12) of the paper; the search is ours.
     """
-    tasks, index = _tasks_only(stack)
+    tasks, index = tasks_only(stack)
     if level is not None:
         last = len(stack.names) - 1
         check(
@@ -281,7 +281,7 @@ class _Line:
         return None
 
 
-def _tasks_only(stack: Stack) -> tuple[Stack, list[int]]:
+def tasks_only(stack: Stack) -> tuple[Stack, list[int]]:
     """The stack without its limits, and which of the given levels each of its levels is."""
     levels, names, index = [], [], []
     for k, items in enumerate(stack.levels):

@@ -1,0 +1,230 @@
+"""A stress test: a robot, a stack, its singularities, every solver, as many samples as one likes."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import pathlib
+import tempfile
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import polars as pl
+
+from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
+from hqp_rp.compare.machine import versions
+from hqp_rp.compare.report import FILES, Report, write_report
+from hqp_rp.compare.run_folder import PARTS, RunFolder
+from hqp_rp.compare.stress_atlas import NAME as ATLAS
+from hqp_rp.compare.stress_atlas import load_atlas, save_atlas
+from hqp_rp.compare.stress_plan import Plan, Scene, approachable
+from hqp_rp.compare.stress_rows import is_batched
+from hqp_rp.compare.stress_run import dask_client, key, run_chunks
+from hqp_rp.compare.stress_summary import Summary, summarize
+from hqp_rp.control.catalogue import find_singularities
+from hqp_rp.control.stack_file import StackFile, load_stack
+from hqp_rp.core.errors import FileError, SettingError
+from hqp_rp.core.solver import Solver
+from hqp_rp.robot.named import named_robot
+
+if TYPE_CHECKING:
+    from hqp_rp.control.singularities import SingularConfiguration
+
+SAMPLES = 10_000
+STARTS = 64
+CLOSED_FORMS = "closed_forms"
+"""As a solver's name: every contestant of the default line-up that takes many problems in one compiled call."""
+
+WORST_FOLDER = "worst"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stress:
+    """What a stress test found.
+
+    Attributes:
+        plan: what was run. levels: names of the levels.
+        catalogue: the whole atlas; `plan.places` are those that a path leads to.
+        left_out: solvers that refuse the stack, with their sentence.
+        summary: counts, histograms and extremes over all rows.
+        folder: where the rows lie, one Parquet part for each chunk; None when nothing was kept.
+    """
+
+    plan: Plan
+    levels: tuple[str, ...]
+    catalogue: tuple[SingularConfiguration, ...]
+    left_out: tuple[tuple[str, str], ...]
+    summary: Summary
+    folder: pathlib.Path | None = None
+
+    @property
+    def answer(self) -> tuple[str, ...]:
+        """The findings in a few sentences."""
+        from hqp_rp.compare.stress_findings import answer
+
+        return answer(self)
+
+    def report(self) -> Report:
+        """The report as data."""
+        from hqp_rp.compare.stress_report import stress_report
+
+        return stress_report(self)
+
+    def rows(self) -> pl.LazyFrame:
+        """Every row, read from the folder when collected. Raises `FileError` where nothing was kept."""
+        if self.folder is None:
+            raise FileError("The rows were not kept: give an output folder.")
+        return pl.scan_parquet(self.folder / PARTS / "chunk-*.parquet")
+
+
+def stress(
+    model: str | os.PathLike[str],
+    stack: str | os.PathLike[str] | StackFile,
+    *,
+    samples: int = SAMPLES,
+    solvers: Sequence[str | Solver | Contestant] | None = None,
+    output: str | os.PathLike[str] | None = None,
+    seed: int = 0,
+    starts: int = STARTS,
+    overwrite: bool = False,
+    workers: int | None = None,
+    dask: str | None = None,
+    progress: bool = False,
+) -> Stress:
+    """Sample configurations at random, near the joint limits and towards every singularity found, solve each with every
+    solver, judge every answer, and write the report.
+
+    The same seed gives the same rows, whatever the number of workers; a test that was stopped, however rudely, goes on
+    where it stopped when it is started again with the same output folder.
+
+    Args:
+        model: "sawyer", "planar4", "dual_sawyer", "humanoid" or an MJCF or URDF file (see `named_robot`).
+        stack: a stack file, the name of one of the library's own, or a `StackFile`.
+        samples: how many configurations, >= 1: about a third at random, near the limits, and on paths to singularities.
+        solvers: as in `compare`, and "closed_forms" for all that take many problems at once; None means all.
+        output: folder for report.html, report.md, figures, worst cases and Parquet parts; None keeps nothing.
+        seed: >= 0. starts: of the search for singularities, for each level, >= 1.
+        overwrite: replace the report of another run in `output`.
+        workers: processes; None means one for each usable core.
+        dask: address of a dask scheduler that takes the chunks instead.
+        progress: show a progress bar on standard error.
+
+    Raises:
+        SettingError, UnknownNameError, RobotError, FileError: a wrong input, before any work starts.
+        MissingExtraError: dask is asked for and not installed.
+    """
+    _integer("samples", samples, 1)
+    _integer("seed", seed, 0)
+    _integer("starts", starts, 1)
+    if workers is not None:
+        _integer("workers", workers, 1)
+    chosen = _contestants(solvers)
+    file = stack if isinstance(stack, StackFile) else load_stack(stack)
+    robot = named_robot(model)
+    scene = Scene(robot, file.stack(robot), file.dt)
+    kept, left_out = _willing(chosen, scene)
+    client = None if dask is None else dask_client(dask)
+    try:
+        run = _description(model, file, samples, kept, seed, starts)
+        if output is None:
+            with tempfile.TemporaryDirectory(prefix="hqp_rp-") as temporary:
+                folder = RunFolder(temporary, run)
+                return _run(
+                    model, file, scene, kept, left_out, samples, seed, starts, folder, workers, client, progress
+                )
+        folder = RunFolder(output, run, files=(*FILES, ATLAS, WORST_FOLDER), overwrite=overwrite)
+        found = _run(model, file, scene, kept, left_out, samples, seed, starts, folder, workers, client, progress)
+    finally:
+        if client is not None:
+            client.close()
+    found = dataclasses.replace(found, folder=folder.path)
+    from hqp_rp.compare.stress_worst import save_worst
+
+    save_worst(found, folder.path / WORST_FOLDER)
+    write_report(found.report(), folder.path)
+    return found
+
+
+def _run(
+    model: str | os.PathLike[str],
+    file: StackFile,
+    scene: Scene,
+    contestants: tuple[Contestant, ...],
+    left_out: tuple[tuple[str, str], ...],
+    samples: int,
+    seed: int,
+    starts: int,
+    folder: RunFolder,
+    workers: int | None,
+    client: Any,
+    progress: bool,
+) -> Stress:
+    atlas = folder.path / ATLAS
+    if not atlas.exists():
+        found = find_singularities(scene.robot, scene.stack, starts=starts, seed=seed, dt=scene.dt)
+        save_atlas(found.places, atlas)
+    places = load_atlas(atlas)
+    plan = Plan(
+        model=os.fspath(model),
+        stack=file,
+        contestants=contestants,
+        samples=samples,
+        seed=seed,
+        places=approachable(scene, places),
+        limited=bool(np.isfinite(scene.robot.lower).any() or np.isfinite(scene.robot.upper).any()),
+    )
+    run_chunks(plan, folder, workers=workers, client=client, progress=progress)
+    parts = (folder.load([key(chunk.index)]) for chunk in plan.chunks)
+    levels = scene.stack.names
+    return Stress(plan, levels, places, left_out, summarize(plan, levels, parts))
+
+
+def _contestants(solvers: Sequence[str | Solver | Contestant] | None) -> tuple[Contestant, ...]:
+    if solvers is None or isinstance(solvers, str) or CLOSED_FORMS not in solvers:
+        return choose_contestants(solvers)
+    closed = [contestant for contestant in default_contestants() if is_batched(contestant.solver)]
+    rest = [item for item in solvers if not (isinstance(item, str) and item == CLOSED_FORMS)]
+    return choose_contestants([*closed, *rest])
+
+
+def _willing(
+    contestants: tuple[Contestant, ...], scene: Scene
+) -> tuple[tuple[Contestant, ...], tuple[tuple[str, str], ...]]:
+    """Those that take such problems, and the others with what they say."""
+    problem = scene.problem(scene.robot.neutral)
+    told = [(contestant, contestant.solver.refuses(problem)) for contestant in contestants]
+    kept = tuple(contestant for contestant, sentence in told if sentence is None)
+    refused = tuple((contestant.label, sentence) for contestant, sentence in told if sentence is not None)
+    if not kept:
+        raise SettingError(f"No solver takes this stack: {refused[0][1]}")
+    return kept, refused
+
+
+def _description(
+    model: str | os.PathLike[str],
+    file: StackFile,
+    samples: int,
+    contestants: Sequence[Contestant],
+    seed: int,
+    starts: int,
+) -> dict[str, Any]:
+    path = pathlib.Path(model)
+    content = hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.is_file() else "one of the library's own"
+    return {
+        "kind": "stress",
+        "model": os.fspath(model),
+        "model content": content,
+        "stack": file.text,
+        "samples": samples,
+        "contestants": {contestant.label: repr(contestant.solver) for contestant in contestants},
+        "seed": seed,
+        "starts": starts,
+        "versions": versions(),
+    }
+
+
+def _integer(name: str, value: object, least: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise SettingError(f"{name} is {value!r}; it must be an integer of at least {least}.")
