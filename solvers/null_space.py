@@ -22,7 +22,8 @@ class NullSpace(ClosedForm):
         variant: "basis" keeps an orthonormal basis of the null space by orthogonal factorizations: every finished level
             stays at rounding error, at any condition. "projector" is the textbook recursion
             N_k = N_{k-1} - (A_k N_{k-1})^# A_k N_{k-1}, which loses the first level near an algorithmic singularity; it
-            ends with `Status.INACCURATE` when a finished level was disturbed by more than the declared tolerance.
+            ends with `Status.INACCURATE` when a finished level was disturbed by more than the declared tolerance or, undamped,
+            when the answer is found not to be the optimum.
         damping: acts on the pseudo-inverse that gives a level's answer, never on the null space it leaves.
 
     Source: the paper, (9)-(11); Nakamura 1987; Siciliano and Slotine 1991.
@@ -46,15 +47,23 @@ class NullSpace(ClosedForm):
         return cascade.null_space if self.variant == "basis" else cascade.null_space_projector
 
     def _judged(self, solution: Solution, code: float) -> Solution:
-        if self.variant == "projector" and code - 1.0 > self.tolerance:
+        if self.variant == "basis" or solution.x is None:
+            return solution
+        fault = ""
+        if code - 1.0 > self.tolerance:
+            fault = f"The recursive projector disturbed a finished level by {code - 1.0:.1e} of its size."
+        elif self.damping.kind == 0:
+            from hqp_rp.core.verify import fault_of
+
+            fault = fault_of(solution.problem, solution.x, solution.secondary, self.tolerance)
+        if fault:
             solution.status = Status.INACCURATE
-            solution.message = (
-                f"The recursive projector disturbed a finished level by {code - 1.0:.1e} of its size; "
-                'variant="basis" does not.'
-            )
+            solution.message = f'{fault} variant="basis" has no such fault.'
         return solution
 
-    def batch_kernel(self) -> int:
+    def batch_kernel(self) -> int | None:
         from hqp_rp.core.kernels import batch
 
-        return batch.NULL_SPACE if self.variant == "basis" else batch.NULL_SPACE_PROJECTOR
+        if self.variant == "basis":
+            return batch.NULL_SPACE
+        return None if self.damping.kind == 0 else batch.NULL_SPACE_PROJECTOR  # undamped, each answer is judged
