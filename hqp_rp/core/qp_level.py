@@ -76,9 +76,9 @@ class Cascade:
             min 1/2 ||S D w - U^T d||^2 + 1/2 ||s||^2,   d = b - A_E x
 
         (U = S D = I for L) subject to the two-sided rows of this level with slack s and the rows kept from earlier levels.
-        D inverts S, but by no more than 1e3 / ||S||, so that near a singularity the kept rows do not blow up; without kept and
-        two-sided rows D = S^-1 and the Hessian is the identity. Rows that must stay where they are (equalities, rows violated at
-        the optimum, rows with a multiplier) are then eliminated by an orthonormal basis; the others are kept as rows.
+        D inverts S, but by no more than 1e3 / ||S||, so that near a singularity the kept rows do not blow up; without kept
+        and two-sided rows D = S^-1 and the Hessian is the identity. Rows that must stay where they are (equalities, rows
+        violated at the optimum, rows with a multiplier) are then eliminated by an orthonormal basis; the others are kept.
 
         Args:
             A: (m, n), lower, upper: (m,), C-contiguous and writable; the same array twice for equalities.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from hqp_rp.core.qp_backend import INFINITE, Backend, Outcome, QPAnswer, SlackQP
 
 _INNER_ITERATIONS = 100
 _NEVER = 1e-15
+_NONE = np.zeros(0)
 
 
 class ProxQPBackend(Backend):
@@ -29,48 +31,57 @@ class ProxQPBackend(Backend):
         self._proxqp = proxqp
         self._eps_abs = eps_abs
         self._max_iterations = max_iterations
-        self._workspaces: dict[tuple[int, int, int], Any] = {}
+        self._cold = proxqp.InitialGuess.EQUALITY_CONSTRAINED_INITIAL_GUESS
+        self._warm = proxqp.InitialGuess.WARM_START
+        outputs = proxqp.QPSolverOutput
+        self._outcomes = {
+            outputs.PROXQP_SOLVED: Outcome.CONVERGED,
+            outputs.PROXQP_MAX_ITER_REACHED: Outcome.LIMIT,
+        }
+        # Of each shape: the workspace, its settings and results, and the Hessian that it holds.
+        self._workspaces: dict[tuple[int, int, int], tuple[Any, Any, Any, FloatArray]] = {}
 
     def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
         n, m, soft = qp.shape
-        warm = guess is not None and m > 0
-        solver = self._workspaces.get(qp.shape)
-        self.reused = solver is not None
-        if solver is None:
-            solver = self._workspaces[qp.shape] = self._new(n + soft, m)
-            update = solver.init
-        else:
-            update = solver.update
-        hessian = np.diag(np.concatenate([qp.hessian, np.ones(soft)]))
-        gradient = np.concatenate([qp.gradient, np.zeros(soft)])
-        starts = self._proxqp.InitialGuess
-        solver.settings.initial_guess = starts.WARM_START if warm else starts.EQUALITY_CONSTRAINED_INITIAL_GUESS
+        kept = self._workspaces.get(qp.shape)
+        self.reused = kept is not None
+        solver, settings, results, hessian = (*self._new(n + soft, m), None) if kept is None else kept
+        update = solver.init if kept is None else solver.update
+        self._workspaces[qp.shape] = (solver, settings, results, qp.hessian)
+        y = _NONE
         if m == 0:
-            update(hessian, gradient)
+            settings.initial_guess = self._cold
+            if hessian is qp.hessian:
+                solver.update(g=qp.gradient)
+            else:
+                update(np.diag(qp.hessian), qp.gradient)
             solver.solve()
         else:
-            lower, upper = np.maximum(qp.lower, -INFINITE), np.minimum(qp.upper, INFINITE)
-            update(hessian, gradient, None, None, qp.slack_columns(), lower, upper)
-            if warm:
-                assert guess is not None
-                solver.solve(_with_slacks(qp, guess), None, guess[1])
-            else:
+            from hqp_rp.core.kernels.qp import with_slacks
+
+            t, y = (qp.gradient, qp.lower) if guess is None else guess
+            H, g, C, lower, upper, start = with_slacks(
+                qp.hessian, qp.gradient, qp.rows, qp.lower, qp.upper, soft, INFINITE, t, y
+            )
+            settings.initial_guess = self._cold if guess is None else self._warm
+            update(H, g, None, None, C, lower, upper)
+            if guess is None:
                 solver.solve()
-        info = solver.results.info
-        outputs = self._proxqp.QPSolverOutput
-        outcome = {outputs.PROXQP_SOLVED: Outcome.CONVERGED, outputs.PROXQP_MAX_ITER_REACHED: Outcome.LIMIT}.get(
-            info.status, Outcome.FAILED
-        )
-        t = np.array(solver.results.x[:n])
-        y = np.array(solver.results.z)
-        message = "" if outcome is Outcome.CONVERGED else f"ProxQP ended with {info.status.name}"
-        if not (np.isfinite(t).all() and np.isfinite(y).all()):
+            else:
+                solver.solve(start, None, y)
+            y = results.z.copy()
+        info = results.info
+        status, iterations = info.status, int(info.iter)
+        t = results.x[:n].copy()
+        if not math.isfinite(float(t @ t) + float(y @ y)):
             # A NaN stays in a workspace for good.
             del self._workspaces[qp.shape]
-            return QPAnswer(None, np.zeros(m), Outcome.FAILED, int(info.iter), "ProxQP returned NaN")
-        return QPAnswer(t, y, outcome, int(info.iter), message)
+            return QPAnswer(None, np.zeros(m), Outcome.FAILED, iterations, "ProxQP returned NaN")
+        outcome = self._outcomes.get(status, Outcome.FAILED)
+        message = "" if outcome is Outcome.CONVERGED else f"ProxQP ended with {status.name}"
+        return QPAnswer(t, y, outcome, iterations, message)
 
-    def _new(self, n: int, m: int) -> Any:
+    def _new(self, n: int, m: int) -> tuple[Any, Any, Any]:
         dense = self._proxqp.dense
         solver = dense.QP(n, 0, m, False, dense.HessianType.Diagonal)
         settings = solver.settings
@@ -84,7 +95,7 @@ class ProxQPBackend(Backend):
         settings.eps_primal_inf = settings.eps_dual_inf = _NEVER
         settings.max_iter = self._max_iterations
         settings.max_iter_in = _INNER_ITERATIONS
-        return solver
+        return solver, settings, solver.results
 
     def reset(self) -> None:
         self._workspaces.clear()

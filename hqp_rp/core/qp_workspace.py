@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.qp_backend import Backend, make_backend
 from hqp_rp.core.qp_level import Cascade, Memory
 from hqp_rp.core.solution import Status
@@ -53,14 +53,15 @@ def descend(
     starts = offsets.tolist()
     try:
         with np.errstate(all="ignore"):
+            least_violation = cascade.x
             if starts[1] and problem.hard is not None:
                 # Each hard row scaled by its own power of two; they come with slack, so that there always is an answer.
                 m = starts[1]
                 cascade.minimize(matrix[:m], lower[:m], upper[:m], HARD, row_by_row=True)
-                if hard_excess(problem.hard, cascade.x) > tolerance:
-                    conflict = contradiction(problem.hard, cascade.x)
-                    if conflict:
-                        return None, Status.INFEASIBLE, conflict
+                least_violation = cascade.x.copy()
+                conflict = _conflict(problem.hard, least_violation, tolerance) if cascade.iterations else ""
+                if conflict:
+                    return None, Status.INFEASIBLE, conflict
             for k, name in enumerate(problem.names):
                 a, b = starts[k + 1], starts[k + 2]
                 low = lower[a:b]
@@ -69,9 +70,17 @@ def descend(
             if not math.isfinite(float(cascade.x.sum())):
                 return None, Status.NOT_FINITE, NOT_FINITE
             fault = fault_of(problem, cascade.x, secondary, tolerance, stacked=stacked)
+            conflict = _conflict(problem.hard, least_violation, tolerance) if fault and problem.hard is not None else ""
     except (OverflowError, ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
         return None, Status.NOT_FINITE, NOT_FINITE
+    if conflict:
+        return None, Status.INFEASIBLE, conflict
     if not fault:
         return cascade.x, Status.SOLVED, ""
     message = " ".join([fault, *(f"{remark}." for remark in cascade.remarks)])
     return cascade.x, Status.ITERATION_LIMIT if cascade.hit_limit else Status.INACCURATE, message
+
+
+def _conflict(hard: Level, x: FloatArray, tolerance: float) -> str:
+    """A sentence that names the rows in conflict when x (n,) violates hard rows and proves that every point does, else ""."""
+    return contradiction(hard, x) if hard_excess(hard, x) > tolerance else ""

@@ -304,3 +304,12 @@ def test_a_narrow_contradiction_is_proven(backend: str, exponent: int) -> None:
         solution = solver.solve(known.problem)
         assert solution.status is Status.INFEASIBLE, solution.message
         assert solution.x is None
+
+
+@pytest.mark.parametrize(
+    "hard", [Level([[0, 0]], 1, 2), Level.equality([[0, 0]], [1]), Level.equality([[1], [1]], [1, -1])]
+)
+def test_hard_rows_in_conflict_that_no_qp_can_help(hard: Level) -> None:
+    for solver in (QpCascade(), Weighted()):
+        solution = solver.solve(Problem([Level.equality(np.ones((1, hard.n)), [3.0])], hard))
+        assert solution.status is Status.INFEASIBLE, solution.message

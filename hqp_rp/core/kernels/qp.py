@@ -429,3 +429,30 @@ def still_free(row, Z):
             s += row[i] * Z[i, j]
         total += s * s
     return 1 if math.sqrt(total) > 1e-12 else 0
+
+
+@kernel
+def with_slacks(hessian, gradient, rows, lower, upper, soft, infinite, t, y):
+    """(H, g, C, lower, upper) of a `SlackQP` on (t, s), bounds cut at `infinite`; (t, s = -y) as a point to start from."""
+    n = len(gradient)
+    m = len(lower)
+    H = np.zeros((n + soft, n + soft))
+    g = np.zeros(n + soft)
+    C = np.zeros((m, n + soft))
+    start = np.empty(n + soft)
+    low = np.empty(m)
+    up = np.empty(m)
+    for j in range(n):
+        H[j, j] = hessian[j]
+        g[j] = gradient[j]
+        start[j] = t[j]
+    for i in range(m):
+        for j in range(n):
+            C[i, j] = rows[i, j]
+        if i < soft:
+            H[n + i, n + i] = 1.0
+            C[i, n + i] = 1.0
+            start[n + i] = -y[i]
+        low[i] = max(lower[i], -infinite)
+        up[i] = min(upper[i], infinite)
+    return H, g, C, low, up, start
