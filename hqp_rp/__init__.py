@@ -14,6 +14,7 @@ from hqp_rp.core.errors import (
     RobotError,
     SettingError,
     UnknownNameError,
+    WorkLimitError,
 )
 from hqp_rp.core.problem import Level, Problem
 from hqp_rp.core.solution import Solution, Status
@@ -56,6 +57,7 @@ __all__ = [
     "Truth",
     "UnknownNameError",
     "VariableDamping",
+    "WorkLimitError",
     "all_solvers",
     "certify",
     "diagnose",

@@ -146,3 +146,46 @@ EQUALITY_CASES: dict[str, Callable[[int], Problem]] = {
 def equality_cases(seeds: int = 3) -> list[tuple[str, Problem]]:
     """(name, problem) for every entry of `EQUALITY_CASES` and seeds 0 ... seeds - 1."""
     return [(f"{name} [{s}]", make(s)) for name, make in EQUALITY_CASES.items() for s in range(seeds)]
+
+
+def degenerate(seed: int = 0) -> Problem:
+    """Small integer rows with as many ties as possible: n <= 8, repeated and dependent rows, up to 2 n hard rows.
+
+    Half of the hard polyhedra have all their rows through one integer point; some of the others are empty.
+    """
+    rng = np.random.default_rng(seed)
+    n, size = int(rng.integers(1, 9)), int(rng.integers(1, 4))
+    levels: list[Level] = []
+    for _ in range(int(rng.integers(1, 4))):
+        m = int(rng.integers(1, 7))
+        A = rng.integers(-size, size + 1, (m, n)).astype(float)
+        if levels and rng.random() < 0.4:
+            A = rng.integers(-1, 2, (m, levels[-1].m)) @ levels[-1].A
+        if m > 1 and rng.random() < 0.4:
+            A[-1] = A[0] * rng.integers(-2, 3)
+        lower = rng.integers(-3, 4, m).astype(float)
+        upper = np.where(rng.random(m) < 0.4, lower, lower + rng.integers(0, 3, m))
+        kind, band = rng.random(m), lower < upper
+        levels.append(
+            Level(A, np.where((kind > 0.8) & band, -np.inf, lower), np.where((kind < 0.15) & band, np.inf, upper))
+        )
+    count = int(rng.integers(0, 2 * n + 1))
+    if count == 0:
+        return Problem(levels)
+    A = rng.integers(-1, 2, (count, n)).astype(float)
+    if rng.random() < 0.5:
+        corner = A @ rng.integers(-1, 2, n)
+        return Problem(levels, Level(A, np.where(rng.random(count) < 0.3, corner, -np.inf), corner))
+    lower = -rng.integers(0, 2, count).astype(float)
+    return Problem(levels, Level(A, lower, lower + rng.integers(0, 3, count)))
+
+
+def dependent_up_to_rounding(seed: int = 0, n: int = 7, box: float | None = None) -> Problem:
+    """Two-sided levels of which the second is a product with the first: dependent but for the rounding of its entries."""
+    rng = np.random.default_rng(seed)
+    A1 = rng.standard_normal((3, n))
+    levels = []
+    for A in (A1, rng.standard_normal((2, 3)) @ A1, rng.standard_normal((4, n))):
+        centre, width = rng.standard_normal(len(A)), rng.random(len(A))
+        levels.append(Level(A, centre - width, np.where(rng.random(len(A)) < 0.5, centre - width, centre + width)))
+    return Problem(levels, None if box is None else Level(np.eye(n), -box, box))

@@ -25,6 +25,10 @@ class SettingError(HqpError, TypeError, ValueError):
     """A setting that a solver does not have, or a value that it does not allow."""
 
 
+class WorkLimitError(HqpError, RuntimeError):
+    """An exact search that reached the bound of its work; the message names the bound and what shortens the search."""
+
+
 class FileError(HqpError, ValueError):
     """A file that cannot be read as what it should be; the message names the file."""
 

@@ -7,12 +7,16 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.core.diagnostics import checked_point, normalised, two_norm
+from hqp_rp.core.diagnostics import checked_point, norm, normalised, two_norm
 from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.truth_exact import AffineSet, Unit, exact_norm, stacked_ranks
 from hqp_rp.core.truth_rule import BORDERLINE, solve_by_rule
+
+SAME = 1e-8
+"""Relative distance of two answers to a problem with inequality rows that are one: the rows that bind are guessed within
+`truth_rows.NEAR` of their bounds."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -24,8 +28,8 @@ class Truth:
         residuals: (p,) ||violation of level k||_2 at the unrounded optimum.
         ranks: (p,) rank that each level adds to the ones before it, by the rank rule that was asked for. With inequality
             rows: of the rows that are active or violated at the optimum.
-        ambiguous: the exact ranks and those of the library's rank rule differ, or a singular value is so near the rule's
-            threshold that double precision may decide it either way: solvers of both opinions are right.
+        ambiguous: the exact answer or its ranks and those of the library's rank rule differ, or a singular value is so near
+            the rule's threshold that double precision may decide it either way: solvers of both opinions are right.
         reason: a sentence on why it is ambiguous; empty when it is not.
         method: how it was computed.
     """
@@ -43,17 +47,24 @@ class Truth:
         return self.x is not None
 
 
-def truth(problem: Problem, secondary: ArrayLike | None = None, rank_rule: str | float = "exact") -> Truth:
+def truth(
+    problem: Problem,
+    secondary: ArrayLike | None = None,
+    rank_rule: str | float = "exact",
+    *,
+    start: ArrayLike | None = None,
+) -> Truth:
     """The lexicographic least-norm optimum, known without trusting any solver.
 
     With `rank_rule="exact"` every step is done in rational arithmetic on the problem's own floats: ranks are those of the
     numbers as they stand. With a number, singular values of A_k Z up to rank_rule * ||A_k||_2 are cut (Z an orthonormal
-    basis of the null space of the rows before), decided in multi-precision; where no singular value lies between zero and
-    far above the threshold the two are the same answer, and the rational one is returned.
+    basis of the null space of the rows before), decided in multi-precision; where the two are the same answer, the rational
+    one is returned.
 
     Inequality and hard rows are solved by an active-set method in rational arithmetic, whose last step proves optimality
-    exactly; it is meant for small problems (up to about 10 unknowns). Its ranks are exact; a `rank_rule` given as a
-    number then only decides whether the answer is marked `ambiguous`.
+    exactly: some milliseconds up to about 10 unknowns; with a `start` near the optimum, a fraction of a second at 40. Where
+    rounding of the coefficients alone decides, the rank rule's answer is that of the rows that bind, solved as equalities
+    by the rule and accepted by `certify`.
 
     The working precision is set for the whole process while it runs: parallelize over processes, not threads.
 
@@ -61,30 +72,43 @@ def truth(problem: Problem, secondary: ArrayLike | None = None, rank_rule: str |
         problem: the problem.
         secondary: (n,) among all lexicographic optima the one nearest to this is returned; None means 0, the least norm.
         rank_rule: "exact", or a rank tolerance in (0, 1), for instance `RANK_TOLERANCE`.
+        start: (n,) a guess of the optimum, such as a solver's answer, from which the search with inequality or hard rows
+            starts; unused without them. It decides how long that takes, not what the exact answer is.
 
     Raises:
-        ProblemError: `secondary` does not fit.
+        ProblemError: `secondary` or `start` does not fit.
         SettingError: an unknown rank rule.
+        WorkLimitError: the exact search with inequality rows would take too long.
 
     Source: equation (9) of the paper as an optimization problem; Escande, Mansard and Wieber 2014 for inequality rows.
     """
+    tolerance = _checked_rule(rank_rule)
+    exact, rule = truths(problem, secondary, RANK_TOLERANCE if tolerance is None else tolerance, start=start)
+    return exact if tolerance is None or rule is None else rule
+
+
+def truths(
+    problem: Problem, secondary: ArrayLike | None, tolerance: float, *, start: ArrayLike | None = None
+) -> tuple[Truth, Truth | None]:
+    """`truth` by the exact rank rule, and by the rank tolerance where that may be another answer (else None).
+
+    Arguments and errors as those of `truth`; `tolerance` in (0, 1).
+    """
     if not isinstance(problem, Problem):
         raise ProblemError(f"problem is a {type(problem).__name__}; build it with hqp_rp.Problem([...]).")
-    tolerance = _checked_rule(rank_rule)
     goal = np.zeros(problem.n) if secondary is None else checked_point(secondary, problem.n, "secondary")
+    guess = None if start is None else checked_point(start, problem.n, "start")
     if not problem.is_equality or (problem.hard is not None and problem.hard.m):
-        return _with_inequalities(problem, goal, RANK_TOLERANCE if tolerance is None else tolerance)
+        return _with_inequalities(problem, goal, tolerance, guess)
     levels = [(level.A, level.lower) for level in problem.levels]
     exact_ranks = stacked_ranks([A for A, _ in levels], problem.n)
-    rule = RANK_TOLERANCE if tolerance is None else tolerance
-    if clear_cut([A for A, _ in levels], exact_ranks, rule):
-        return _rational(levels, goal, exact_ranks, "")
-    by_rule = solve_by_rule(levels, goal, rule)
-    reason = _reason(exact_ranks, by_rule.ranks, by_rule.borderline, rule)
-    if tolerance is None:
-        return _rational(levels, goal, exact_ranks, reason)
-    method = f"{by_rule.bits}-bit arithmetic, rank tolerance {rule:g}"
-    return Truth(by_rule.x, np.array(by_rule.residuals), by_rule.ranks, bool(reason), reason, method)
+    if clear_cut([A for A, _ in levels], exact_ranks, tolerance):
+        return _rational(levels, goal, exact_ranks, ""), None
+    by_rule = solve_by_rule(levels, goal, tolerance)
+    reason = _reason(exact_ranks, by_rule.ranks, by_rule.borderline, tolerance)
+    method = f"{by_rule.bits}-bit arithmetic, rank tolerance {tolerance:g}"
+    rule = Truth(by_rule.x, np.array(by_rule.residuals), by_rule.ranks, bool(reason), reason, method)
+    return _rational(levels, goal, exact_ranks, reason), rule
 
 
 def _rational(
@@ -99,20 +123,40 @@ def _rational(
     return Truth(unit.floats(u), residuals, ranks, bool(reason), reason, "exact rational arithmetic")
 
 
-def _with_inequalities(problem: Problem, secondary: FloatArray, rule: float) -> Truth:
+def _with_inequalities(
+    problem: Problem, secondary: FloatArray, tolerance: float, start: FloatArray | None
+) -> tuple[Truth, Truth | None]:
+    from hqp_rp.core.certificate import certify
     from hqp_rp.core.truth_active_set import solve_active_set
+    from hqp_rp.core.truth_inequality import rule_answer
 
     method = "exact rational active set"
-    answer = solve_active_set(problem, secondary)
+    answer = solve_active_set(problem, secondary, start)
     if answer is None:
-        return Truth(None, np.full(problem.p, np.nan), (0,) * problem.p, False, "", method)
-    matrices = answer.binding
+        return Truth(None, np.full(problem.p, np.nan), (0,) * problem.p, False, "", method), None
+    x, matrices = answer.x, answer.binding
     ranks = stacked_ranks(matrices, problem.n)
     reason = ""
-    if not clear_cut(matrices, ranks, rule):
-        by_rule = solve_by_rule([(A, np.zeros(len(A))) for A in matrices], secondary, rule)
-        reason = _reason(ranks, by_rule.ranks, by_rule.borderline, rule)
-    return Truth(answer.x, answer.residuals, ranks[1:], bool(reason), reason, method)
+    clear = clear_cut(matrices, ranks, tolerance)
+    if not clear:
+        binding = solve_by_rule([(A, np.zeros(len(A))) for A in matrices], secondary, tolerance)
+        reason = _reason(ranks, binding.ranks, binding.borderline, tolerance)
+    rule = None
+    # Ranks of the rows that bind do not show a row that rounding alone made bind: the certificate does.
+    finite = bool(np.isfinite(x).all())
+    if finite and not (clear and certify(problem, x, secondary, rank_tolerance=tolerance).ok):
+        found = rule_answer(problem, secondary, tolerance, x, start)
+        if found is None or found.x is None:
+            reason = reason or f"At rank tolerance {tolerance:g} the certificate refuses the exact answer."
+        elif norm(found.x - x) > SAME * (1.0 + norm(x)):
+            reason = (
+                f"Some rows are all but zero in the freedom that is left to them (below {tolerance:g} ||A_k||: rounding of "
+                "the coefficients). In exact arithmetic they still decide; the rank rule leaves the decision to the levels "
+                "after them."
+            )
+        if found is not None and reason:
+            rule = dataclasses.replace(found, ambiguous=True, reason=reason)
+    return Truth(x, answer.residuals, ranks[1:], bool(reason), reason, method), rule
 
 
 def clear_cut(matrices: list[FloatArray], exact_ranks: tuple[int, ...], tolerance: float) -> bool:

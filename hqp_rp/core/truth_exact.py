@@ -69,7 +69,7 @@ class AffineSet:
                 self._solved = fmpz_mat(n, 1, [0] * n), fmpz(1), fmpz_mat(n, n, identity)
             else:
                 R, den, _ = beside(self.S, self.Y).rref()
-                pivots, table = _pivots(R), R.table()
+                pivots, table = pivots_of(R), R.table()
                 free = sorted(set(range(n)) - set(pivots))
                 start = [fmpz(0)] * n
                 basis = [[fmpz(0)] * len(free) for _ in range(n)]
@@ -85,13 +85,13 @@ class AffineSet:
         """Keep only the points of the set that minimize `||matrix u - target / denominator||`; returns the rank gained."""
         if self.dimension == 0 or rows.matrix.nrows() == 0:
             return 0
+        self._refine(rows.denominator)  # before `solved`, whose start has the unit of D
         start, den, N = self.solved()
-        self._refine(rows.denominator)
         # In z' = den D z the level reads B z' = c, both of integers.
         B = rows.matrix * N
         c = rows.target * (den * (self.D // rows.denominator)) - rows.matrix * start
         R, _, total = beside(B, c).rref()
-        pivots = _pivots(R)
+        pivots = pivots_of(R)
         d = N.ncols()
         consistent = total == 0 or pivots[-1] < d
         rank = total if consistent else total - 1
@@ -99,7 +99,7 @@ class AffineSet:
             return 0
         chosen = list(range(rows.matrix.nrows()))
         if rank < len(chosen):
-            chosen = _pivots(B.transpose().rref()[0])
+            chosen = pivots_of(B.transpose().rref()[0])
         added = _rows(rows.matrix, chosen)
         if consistent:
             values = _rows(rows.target, chosen) * (self.D // rows.denominator)
@@ -254,7 +254,7 @@ def _shape(A: FloatArray) -> tuple[int, int]:
     return int(A.shape[0]), int(A.shape[1])
 
 
-def _pivots(R: fmpz_mat) -> list[int]:
+def pivots_of(R: fmpz_mat) -> list[int]:
     pivots = []
     for row in R.table():
         found = next((j for j, entry in enumerate(row) if entry), None)

@@ -2,7 +2,16 @@
 
 import pytest
 
-from hqp_rp import FileError, HqpError, MissingExtraError, ProblemError, RobotError, SettingError, UnknownNameError
+from hqp_rp import (
+    FileError,
+    HqpError,
+    MissingExtraError,
+    ProblemError,
+    RobotError,
+    SettingError,
+    UnknownNameError,
+    WorkLimitError,
+)
 from hqp_rp.core.errors import unknown_name, unknown_setting
 
 
@@ -14,6 +23,7 @@ from hqp_rp.core.errors import unknown_name, unknown_setting
         (SettingError, TypeError),
         (SettingError, ValueError),
         (FileError, ValueError),
+        (WorkLimitError, RuntimeError),
         (RobotError, ValueError),
         (MissingExtraError, ImportError),
     ],

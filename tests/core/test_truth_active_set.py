@@ -7,12 +7,13 @@ import pytest
 from flint import fmpz_mat
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import nnls
 
-from hqp_rp import Level, Problem, certify, truth
-from hqp_rp.core.truth_active_set import nonnegative_residual
+from hqp_rp import Level, Problem, WorkLimitError, certify, truth
+from hqp_rp.core.truth_active_set import solve_active_set
+from hqp_rp.core.truth_exact import AffineSet, RationalVector, Rows
 from tests.problems import (
     boxed,
+    degenerate,
     dependent,
     independent,
     near_singular,
@@ -174,17 +175,70 @@ def test_certified_and_scale_free(seed: int, n: int, box: float | None) -> None:
     np.testing.assert_array_equal(other.x, answer.x)
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.integers(0, 10**6), st.integers(1, 5), st.integers(1, 7))
-def test_nonnegative_residual_against_scipy(seed: int, d: int, k: int) -> None:
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_degenerate_integer_rows_end_at_the_optimum(seed: int) -> None:
+    """Up to 8 unknowns, up to 16 hard rows, ties everywhere; the answer does not depend on where the search starts."""
+    problem = degenerate(seed)
+    answer = solve_active_set(problem, np.zeros(problem.n))
     rng = np.random.default_rng(seed)
-    slope, normals = rng.integers(-9, 10, d), rng.integers(-4, 5, (d, k))
-    exact = nonnegative_residual(fmpz_mat(d, 1, slope.tolist()), fmpz_mat(d, k, normals.ravel().tolist()))
-    mine = np.array([float(int(e)) for e in exact.entries()])
-    weights, _ = nnls(normals.astype(float), -slope.astype(float))
-    other = slope + normals @ weights
-    if not mine.any():
-        np.testing.assert_allclose(other, 0, atol=1e-9)
-    else:
-        assert (normals.T @ mine >= 0).all()  # exact, by integers
-        np.testing.assert_allclose(mine / np.linalg.norm(mine), other / np.linalg.norm(other), atol=1e-7)
+    for start in (np.zeros(problem.n), rng.standard_normal(problem.n), 1e9 * rng.standard_normal(problem.n)):
+        again = solve_active_set(problem, np.zeros(problem.n), start)
+        assert (again is None) == (answer is None)
+        if answer is not None and again is not None:
+            np.testing.assert_array_equal(again.x, answer.x)
+            np.testing.assert_array_equal(again.residuals, answer.residuals)
+    if answer is not None:
+        verdict = certify(problem, answer.x)
+        assert verdict.ok, verdict.sentence
+
+
+def test_rows_that_made_the_search_endless() -> None:
+    """Equal columns, multiples of earlier rows, a box: an earlier form of the search did not come back from it."""
+    A1 = np.array([[-6, 6, 6, 0, -7, 6], [0, -7, -7, -2, 4, -2]]) / 4
+    A2 = np.array([[-12, -9, -9, -6, -2, 6], [6, -13, -13, -2, 11, -8], [0, 14, 14, 4, -8, 4]]) / 4
+    A2 = np.vstack([A2, A2[2], 1.5 * A2[2]])
+    A3 = np.array(
+        [[-6, -29, -29, -10, 13, -4], [-12, 5, 5, -2, -10, 10], [-18, -24, -24, -12, 3, 6], [36, 13, 13, 14, 14, -22]]
+    )
+    problem = Problem(
+        [
+            Level(A1, [-np.inf, -0.9015372], [2.10188838, -0.9015372]),
+            Level(
+                A2,
+                [3.08460822, 0.36736708, -np.inf, 1.21019497, -0.51313781],
+                [3.08460822, 0.36736708, 0.78195634, 1.67637592, 1.02134422],
+            ),
+            Level(
+                A3 / 4, [-1.01034781, -0.37830447, 1.03882667, -0.24963819], [-1.01034781, -0.37830447, 2.62, -0.2496]
+            ),
+        ],
+        hard=Level(np.eye(6), -0.5, 0.5),
+    )
+    answer = truth(problem)
+    assert answer.x is not None
+    verdict = certify(problem, answer.x, tolerance=1e-12)
+    assert verdict.ok, verdict.sentence
+    assert answer.x[1] == answer.x[2]
+
+
+def test_affine_set_takes_rows_in_another_unit() -> None:
+    """First in halves, then in thirds: x1 = 1/2, x1 + x2 = 4/3, with the set's parametrization already computed."""
+    set_ = AffineSet(3)
+    set_.minimize(Rows(fmpz_mat(1, 3, [1, 0, 0]), fmpz_mat(1, 1, [1]), 2))
+    set_.solved()
+    set_.minimize(Rows(fmpz_mat(1, 3, [1, 1, 0]), fmpz_mat(1, 1, [4]), 3))
+    assert set_.nearest(RationalVector([0, 0, 0], 1)) == RationalVector([3, 5, 0], 6)
+    set_.minimize(Rows(fmpz_mat(2, 3, [1, 0, 2, 1, 0, 2]), fmpz_mat(2, 1, [0, 1]), 7))  # 1/2 + 2 x3 = 1/14
+    assert set_.nearest(RationalVector([0, 0, 0], 1)) == RationalVector([21, 35, -9], 42)
+
+
+def test_work_is_bounded() -> None:
+    problem = two_sided(3, 6, (2, 3, 6), band=1.0, box=0.2)
+    with pytest.raises(WorkLimitError, match=r"visited 1 cells, which is allowed, .* give truth\(\.\.\., start=x\)"):
+        solve_active_set(problem, np.zeros(6), limit=1)
+    answer = solve_active_set(problem, np.zeros(6))
+    assert answer is not None
+    again = solve_active_set(problem, np.zeros(6), answer.x, limit=1)  # from the optimum there is nothing to search
+    assert again is not None
+    np.testing.assert_array_equal(again.x, answer.x)
