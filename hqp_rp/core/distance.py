@@ -67,7 +67,7 @@ def distance(
             answer, error = orthogonal_cascade(problem, goal, rank_tolerance)
             if error <= RESOLUTION:
                 return Distance(relative_distance(point, answer), "double precision", error, False)
-        known = truth(problem, goal, rank_tolerance)
+        known = truth(problem, goal, rank_tolerance, start=point)
     else:
         raise SettingError(f'reference is {reference!r}; give "auto", "truth" or a Truth.')
     if known.x is None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hqp_rp import certify, problems, truth
+from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.truth_exact import stacked_ranks
-from hqp_rp.problems.exact import by_rule, from_guess
 
 KNOWN = {name: problems.load(name) for name in problems.names()}
 CLEAR = {name: known for name, known in KNOWN.items() if known.feasible and not known.ambiguous}
@@ -65,7 +65,7 @@ SEARCHED = [name for name in problems.names("inequality") if KNOWN[name].problem
 def test_a_proof_from_a_guess_is_the_search_s_answer(name: str, guess: str) -> None:
     known = KNOWN[name]
     searched = truth(known.problem)
-    found = from_guess(known.problem, known.exact.x if guess == "right" else np.zeros(known.problem.n))
+    found = truth(known.problem, start=known.exact.x if guess == "right" else np.zeros(known.problem.n))
     assert found.x.tobytes() == searched.x.tobytes() == known.exact.x.tobytes()
     assert found.ranks == searched.ranks
     np.testing.assert_array_equal(found.residuals, searched.residuals)
@@ -75,13 +75,18 @@ def test_no_answer_where_there_is_none() -> None:
     for name in problems.names("infeasible"):
         problem = KNOWN[name].problem
         assert not truth(problem).feasible, name
-        assert from_guess(problem, np.zeros(7)) is None, name
+        assert not truth(problem, start=np.zeros(7)).feasible, name
 
 
-def test_a_rule_s_answer_that_the_certificate_refuses_is_none() -> None:
-    known = KNOWN["hard_rows/n7_3-3_box"]
-    assert by_rule(known.problem, np.zeros(7)) is None  # the rows that bind at 0 are not those that bind at the optimum
-    assert by_rule(known.problem, known.exact.x).x == pytest.approx(known.exact.x, abs=1e-12)
+@pytest.mark.parametrize("guess", ["right", "zero"])
+def test_the_rule_s_answer_does_not_depend_on_the_guess(guess: str) -> None:
+    for name in ("hard_rows/n7_3-3_box", "sawyer/3-7-3_band_q0"):
+        known = KNOWN[name]
+        right = known.exact if known.rule is None else known.rule
+        start = right.x if guess == "right" else np.zeros(7)
+        found = truth(known.problem, rank_rule=RANK_TOLERANCE, start=start)
+        assert found.x == pytest.approx(right.x, abs=1e-12), name
+        assert found.ambiguous == known.ambiguous, name
 
 
 @pytest.mark.parametrize("name", [*problems.names("barely_feasible"), *problems.names("infeasible")[:5]])
