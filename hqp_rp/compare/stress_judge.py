@@ -156,7 +156,7 @@ def level_errors(problems: Sequence[Problem], found: References, x: FloatArray) 
 def _equality_errors(problems: Sequence[Problem], found: References, x: FloatArray) -> FloatArray:
     errors = np.full((len(problems), problems[0].p), np.nan)
     size = np.linalg.norm(x, axis=1)
-    for i in np.flatnonzero(np.isfinite(size)):
+    for i in np.flatnonzero(np.isfinite(size)).tolist():
         problem, scales = problems[i], found.scales[i]
         rest = problem.matrix @ x[i] - problem.lower
         for k, scale in enumerate(scales):

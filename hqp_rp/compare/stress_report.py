@@ -159,7 +159,8 @@ def _chart(test: Stress, c: int) -> Chart:
         name=slug,
         title=f"Towards singularities of {case.title}",
         caption=f"Medians over the paths, bands from 10 to 90 %. Errors are relative; 0 is drawn at "
-        f"{ERROR_FLOOR:g}. Sigma is the vanishing singular value over the level's norm. The last row is the share of paths on which x jumps at this sigma.",
+        f"{ERROR_FLOOR:g}. Sigma is the vanishing singular value over the level's norm. The last row is the share of paths "
+        "on which x jumps at this sigma.",
         x_label="sigma",
         columns=tuple(group for group, _ in groups),
         rows=(*rows, "share of paths\nthat jump"),

@@ -45,7 +45,7 @@ def chunk_rows(plan: Plan, index: int) -> pl.DataFrame:
         common = _common(samples, found)
         stacked = _stacked(samples)
         frames = []
-        _warm_up(plan)
+        warm_up_batches(plan)
         for contestant in plan.contestants:
             x, codes, seconds = _solve(contestant.solver, samples, stacked)
             frames.append(common.with_columns(**_judged(contestant.label, samples, found, x, codes, seconds)))
@@ -62,7 +62,7 @@ def is_batched(solver: Solver) -> bool:
 _warm: set[str] = set()
 
 
-def _warm_up(plan: Plan) -> None:
+def warm_up_batches(plan: Plan) -> None:
     """Compile, or load, what each solver needs, once in each process, so that no compile time is taken for solve time."""
     fresh = [item.solver for item in plan.contestants if repr(item.solver) not in _warm]
     if not fresh:

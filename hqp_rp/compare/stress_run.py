@@ -9,10 +9,10 @@ from typing import Any, TypeAlias
 import polars as pl
 
 from hqp_rp.compare.machine import usable_cores
-from hqp_rp.compare.run import one_thread_each, progress_bar, warm_up
+from hqp_rp.compare.run import one_thread_each, progress_bar
 from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.compare.stress_plan import Plan
-from hqp_rp.compare.stress_rows import chunk_rows
+from hqp_rp.compare.stress_rows import chunk_rows, warm_up_batches
 from hqp_rp.core.errors import MissingExtraError, SettingError
 
 Finished: TypeAlias = Iterator[tuple[int, pl.DataFrame]]
@@ -43,7 +43,7 @@ def run_chunks(
         if not left:
             return
         advance(0, "compiling kernels")
-        warm_up([contestant.solver for contestant in plan.contestants])
+        warm_up_batches(plan)  # fills the cache on disk before any worker reads it
         advance(0, "solving")
         if client is not None:
             finished = _by_dask(plan, left, client)

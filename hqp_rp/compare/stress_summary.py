@@ -232,7 +232,7 @@ def value_bins(values: FloatArray) -> NDArray[np.int64]:
     """Which bin each value >= 0 falls into."""
     with np.errstate(divide="ignore"):
         bins = np.floor((np.log10(values) - LOWEST) * FINE)
-    return np.clip(bins, 0, BINS - 1).astype(np.int64)
+    return np.asarray(np.clip(bins, 0, BINS - 1).astype(np.int64))
 
 
 def quantile(counts: NDArray[np.integer], share: float) -> FloatArray:
