@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import abc
-import dataclasses
 import enum
 import math
 import warnings
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,8 +17,7 @@ INFINITE = 1e20
 """Bounds at or beyond this size are no bounds: the convention of ProxQP and OSQP, applied to every back end."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class SlackQP:
+class SlackQP(NamedTuple):
     """A convex QP with a diagonal Hessian whose first rows are softened by slacks of their own.
 
     ::
@@ -62,8 +60,7 @@ class Outcome(enum.Enum):
     FAILED = "failed"
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class QPAnswer:
+class QPAnswer(NamedTuple):
     """What a back end returned: t (n,) (None when it failed without any), y (m,) multipliers (> 0 at an upper bound,
     < 0 at a lower one; `hessian * t + gradient + rows^T y = 0`), its own verdict, its iterations, and what it said."""
 
@@ -132,13 +129,13 @@ class QpsolversBackend(Backend):
             solves += 1
             answer = self._solve_once(matrix, qp, hessian + proximal, gradient - proximal * centre)
             if answer.t is None or answer.outcome is not Outcome.CONVERGED:
-                return dataclasses.replace(answer, t=None if answer.t is None else answer.t[:n])
+                return answer._replace(t=None if answer.t is None else answer.t[:n])
             moved = float(np.abs(proximal * (answer.t - centre)).max())
             centre = answer.t
             if moved <= self._eps_abs:
                 break
         assert answer.t is not None
-        return dataclasses.replace(answer, t=answer.t[:n], iterations=solves)
+        return answer._replace(t=answer.t[:n], iterations=solves)
 
     def _solve_once(self, matrix: FloatArray, qp: SlackQP, hessian: FloatArray, gradient: FloatArray) -> QPAnswer:
         above, below = qp.upper < INFINITE, qp.lower > -INFINITE

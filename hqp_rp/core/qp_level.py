@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.qp_backend import Backend, Outcome, QPAnswer, SlackQP
+from hqp_rp.core.qp_native import qp_kernels
 from hqp_rp.core.solver import RANK_TOLERANCE
 
 _NO_ROWS = np.zeros(0)
+_NO_IDS = np.zeros(0, dtype=np.int64)
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -60,10 +63,10 @@ class Cascade:
         self._memory = memory
         self._polish = polish
         self._taken = 0  # Rows numbered so far.
-        self._kept = np.zeros((0, n))
-        self._kept_lower = np.zeros(0)
-        self._kept_upper = np.zeros(0)
-        self._kept_ids: IntArray = np.zeros(0, dtype=np.int64)
+        self._kernels = qp_kernels()
+        self._kept = _no_rows(n)
+        self._kept_lower = self._kept_upper = _NO_ROWS
+        self._kept_ids: IntArray = _NO_IDS
 
     def minimize(
         self, A: FloatArray, lower: FloatArray, upper: FloatArray, name: str, *, row_by_row: bool = False
@@ -84,27 +87,29 @@ class Cascade:
             A: (m, n), lower, upper: (m,), C-contiguous and writable; the same array twice for equalities.
             name: for messages. row_by_row: scale each row by its own power of two, not the level as a whole.
         """
-        from hqp_rp.core.kernels import qp as kernels
-
-        index = self.finished
+        kernels, index, first = self._kernels, self.finished, self._taken
         self.finished += 1
+        self._taken += len(A)
         if self.Z.shape[1] == 0 or not len(A):
             return  # Nothing can move any more: what the level finds is what it gets.
+        if not len(self._kept) and (lower is upper or bool((lower == upper).all())):
+            gradient, size, L, ZQ = kernels.plain_level(A, lower, row_by_row, self.Z, self.x, RANK_TOLERANCE)
+            w = _NO_ROWS
+            if size > 0.0:
+                answer = self._solve(unconstrained(gradient), None, name)
+                if answer.t is None:
+                    size = 0.0
+                else:
+                    w = answer.t
+            elif size < 0.0:
+                raise OverflowError
+            self.Z = kernels.finish_plain(w, size, L, ZQ, self.x)
+            return
         A, low, up, fits = kernels.scaled_rows(A, lower, upper, row_by_row)
         if not fits:
             # A bound that overflows in scaled units puts x beyond what floats hold: there is no answer.
             raise OverflowError
-        ids = np.arange(self._taken, self._taken + len(A))
-        self._taken += len(A)
-        if not len(self._kept) and (lower is upper or bool((low == up).all())):
-            c, size, L, ZQ = kernels.plain_level(A, low, self.Z, self.x, RANK_TOLERANCE)
-            answer = c
-            if size > 0.0:
-                answer = self._solve(unconstrained(c), None, name).t
-            self.Z = kernels.finish_plain(
-                c if answer is None else answer, 0.0 if answer is None else size, L, ZQ, self.x
-            )
-            return
+        ids = np.arange(first, first + len(A))
         self._minimize_with_rows(index, A, low, up, ids, name, False)
 
     def nearest(self, point: FloatArray, name: str) -> None:
@@ -118,8 +123,7 @@ class Cascade:
             ids = np.arange(self._taken, self._taken + n)
             self._minimize_with_rows(index, identity(n), point, point, ids, name, True)
             return
-        gap = point - self.x
-        c = gap @ self.Z
+        c = (self.x - point) @ self.Z
         length = float(c @ c)
         noise = 8.0 * _EPS
         if length > noise * noise * (float(point @ point) + float(self.x @ self.x)):
@@ -127,14 +131,12 @@ class Cascade:
             answer = self._solve(unconstrained(c / size), None, name)
             if answer.t is not None:
                 self.x += self.Z @ (answer.t * size)
-        self.Z = np.zeros((n, 0))
+        self.Z = _no_columns(n)
 
     def _minimize_with_rows(
         self, index: int, A: FloatArray, low: FloatArray, up: FloatArray, ids: IntArray, name: str, last: bool
     ) -> None:
-        from hqp_rp.core.kernels import qp as kernels
-        from hqp_rp.core.kernels import qp_polish
-
+        kernels = self._kernels
         memory = None if self._memory is None else self._memory.get(index)
         if memory is not None and (len(memory.x) != len(self.x) or len(memory.y) != self._rows):
             memory = None
@@ -153,7 +155,7 @@ class Cascade:
                 if answer.t is not None:
                     t, y = answer.t, answer.y
                     if self._polish:
-                        t, y = qp_polish.polish(hessian, gradient, rows, lower, upper, len(S), t, y)
+                        t, y = _polish(hessian, gradient, rows, lower, upper, len(S), t, y)
         self.Z, self._kept, self._kept_lower, self._kept_upper, self._kept_ids = kernels.finish_with_rows(
             A, low, up, ids, S, T, Z0, t, y, size, self.x, *kept, kept_ids, RANK_TOLERANCE
         )
@@ -178,9 +180,27 @@ class Cascade:
         return answer
 
 
-def unconstrained(c: FloatArray) -> SlackQP:
-    """min 1/2 ||w||^2 - c . w."""
-    return SlackQP(_ones(len(c)), -c, np.zeros((0, len(c))), _NO_ROWS, _NO_ROWS, 0)
+def unconstrained(gradient: FloatArray) -> SlackQP:
+    """min 1/2 ||w||^2 + gradient . w."""
+    n = len(gradient)
+    return SlackQP(_ones(n), gradient, _no_rows(n), _NO_ROWS, _NO_ROWS, 0)
+
+
+@functools.cache
+def _no_columns(n: int) -> FloatArray:
+    return np.zeros((n, 0))
+
+
+@functools.cache
+def _no_rows(n: int) -> FloatArray:
+    return np.zeros((0, n))
+
+
+def _polish(*arguments: Any) -> tuple[FloatArray, FloatArray]:
+    from hqp_rp.core.kernels.qp_polish import polish
+
+    answer: tuple[FloatArray, FloatArray] = polish(*arguments)
+    return answer
 
 
 @functools.cache

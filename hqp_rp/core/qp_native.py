@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import math
 from typing import Any
@@ -15,6 +16,14 @@ from hqp_rp.core.qp_backend import INFINITE, Backend, Outcome, QPAnswer, SlackQP
 _INNER_ITERATIONS = 100
 _NEVER = 1e-15
 _NONE = np.zeros(0)
+
+
+@functools.cache
+def qp_kernels() -> Any:
+    """The compiled kernels, imported when first needed."""
+    from hqp_rp.core.kernels import qp
+
+    return qp
 
 
 class ProxQPBackend(Backend):
@@ -39,47 +48,45 @@ class ProxQPBackend(Backend):
             outputs.PROXQP_MAX_ITER_REACHED: Outcome.LIMIT,
         }
         # Of each shape: the workspace, its settings and results, and the Hessian that it holds.
-        self._workspaces: dict[tuple[int, int, int], tuple[Any, Any, Any, FloatArray]] = {}
+        self._workspaces: dict[tuple[int, int, int], tuple[Any, Any, Any, FloatArray | None]] = {}
 
     def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
-        n, m, soft = qp.shape
-        kept = self._workspaces.get(qp.shape)
+        shape = qp.shape
+        n, m, soft = shape
+        kept = self._workspaces.get(shape)
         self.reused = kept is not None
         solver, settings, results, hessian = (*self._new(n + soft, m), None) if kept is None else kept
-        update = solver.init if kept is None else solver.update
-        self._workspaces[qp.shape] = (solver, settings, results, qp.hessian)
         y = _NONE
         if m == 0:
-            settings.initial_guess = self._cold
             if hessian is qp.hessian:
                 solver.update(g=qp.gradient)
             else:
-                update(np.diag(qp.hessian), qp.gradient)
+                settings.initial_guess = self._cold
+                (solver.init if kept is None else solver.update)(np.diag(qp.hessian), qp.gradient)
+                self._workspaces[shape] = (solver, settings, results, qp.hessian)
             solver.solve()
+            t = results.x
         else:
-            from hqp_rp.core.kernels.qp import with_slacks
-
+            if kept is None:
+                self._workspaces[shape] = (solver, settings, results, None)
             t, y = (qp.gradient, qp.lower) if guess is None else guess
-            H, g, C, lower, upper, start = with_slacks(
-                qp.hessian, qp.gradient, qp.rows, qp.lower, qp.upper, soft, INFINITE, t, y
-            )
+            H, g, C, lower, upper, start = qp_kernels().with_slacks(*qp, INFINITE, t, y)
             settings.initial_guess = self._cold if guess is None else self._warm
-            update(H, g, None, None, C, lower, upper)
+            (solver.init if kept is None else solver.update)(H, g, None, None, C, lower, upper)
             if guess is None:
                 solver.solve()
             else:
                 solver.solve(start, None, y)
-            y = results.z.copy()
+            t, y = results.x[:n], results.z.copy()
         info = results.info
-        status, iterations = info.status, int(info.iter)
-        t = results.x[:n].copy()
-        if not math.isfinite(float(t @ t) + float(y @ y)):
+        t = t.copy()
+        if not math.isfinite((t @ t) + (y @ y) if m else t @ t):
             # A NaN stays in a workspace for good.
-            del self._workspaces[qp.shape]
-            return QPAnswer(None, np.zeros(m), Outcome.FAILED, iterations, "ProxQP returned NaN")
-        outcome = self._outcomes.get(status, Outcome.FAILED)
-        message = "" if outcome is Outcome.CONVERGED else f"ProxQP ended with {status.name}"
-        return QPAnswer(t, y, outcome, iterations, message)
+            del self._workspaces[shape]
+            return QPAnswer(None, np.zeros(m), Outcome.FAILED, int(info.iter), "ProxQP returned NaN")
+        outcome = self._outcomes.get(info.status, Outcome.FAILED)
+        message = "" if outcome is Outcome.CONVERGED else f"ProxQP ended with {info.status.name}"
+        return QPAnswer(t, y, outcome, int(info.iter), message)
 
     def _new(self, n: int, m: int) -> tuple[Any, Any, Any]:
         dense = self._proxqp.dense

@@ -94,11 +94,12 @@ def by_svd(work, m, r):
 
 
 @kernel
-def plain_level(A, b, Z, x, tol):
+def plain_level(rows, bounds, row_by_row, Z, x, tol):
     """The QP of a level of equalities without rows: min 1/2 ||w||^2 - c . w in coordinates w of the factored rows.
 
-    Returns (c / size, size, L (r, r) with z = L^-1 w, ZQ (n, d)); size 0: nothing to do.
+    Returns (-c / size, size, L (r, r) with z = L^-1 w, ZQ (n, d)); size 0: nothing to do, below 0: the bounds overflow.
     """
+    A, b, _, fits = scaled_rows(rows, bounds, bounds, row_by_row)
     m = len(A)
     n = len(x)
     d = b - np.dot(A, x)
@@ -122,7 +123,9 @@ def plain_level(A, b, Z, x, tol):
     if rank and not length <= noise:
         size = power_of_two(np.max(np.abs(c)))
     if size > 0.0:
-        c /= size
+        c /= -size
+    if not fits:
+        size = -1.0
     return c, size, L, work[m : m + n].copy()
 
 
@@ -130,7 +133,7 @@ def plain_level(A, b, Z, x, tol):
 def finish_plain(w, size, L, ZQ, x):
     """x += ZQ L^-1 w size (in place); returns what stays free."""
     r = len(L)
-    if size > 0.0:
+    if size > 0.0 and len(w) == r:
         y = np.empty(r)
         forward_substitution(L, 0, 0, r, w, y)
         for i in range(len(x)):
@@ -167,6 +170,17 @@ def level_with_rows(
     S = S_index[:mS].copy()
     K = len(kept)
     count = mS + K
+    met = mE == 0
+    for i in range(mS):
+        if met:
+            value = 0.0
+            for j in range(n):
+                value += A[S[i], j] * x[j]
+            met = lower[S[i]] <= value <= upper[S[i]]
+    if met:  # a level of rows that x meets: nothing to solve
+        none = np.empty(0)
+        empty = np.empty((0, 0))
+        return 0.0, np.empty((n, 0)), Z, none, none, empty, none, none, none, S, none, none
     rows_x = np.empty((count, n))
     lengths = np.ones(count)
     for i in range(mS):
@@ -263,6 +277,7 @@ def level_with_rows(
     for j in range(rank):
         hessian[j] = sharp[j] * sharp[j]
         gradient[j] = -sharp[j] * c[j]
+    within = np.dot(rows_x[:mS], Z)
     largest = 0.0
     if math.sqrt(np.sum(c * c)) > noise:
         for j in range(rank):
@@ -278,10 +293,7 @@ def level_with_rows(
             whole = math.sqrt(s)
             s = 0.0
             for j in range(d):
-                a = 0.0
-                for q in range(n):
-                    a += rows_x[i, q] * Z[q, j]
-                s += a * a
+                s += within[i, j] ** 2
             if math.sqrt(s) <= tol * whole:  # earlier levels have used it up: nothing here may follow it
                 rows[i] = 0.0
             low[i] = lower[S[i]] - value
