@@ -12,6 +12,7 @@ import numpy as np
 from hqp_rp.core.certificate import certify
 from hqp_rp.core.distance import distance
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.truth import Truth, truth
 
 ACCEPTED = 1e-6
@@ -46,18 +47,18 @@ class Accuracy:
         return self.certified == self.asked
 
 
-References = Sequence[Truth | None | str]
+References = Sequence[Truth | str | None]
 """For each instance: its truth, "auto" for a double-precision optimum, or None where no distance is taken."""
 
 
-def references(problems: Sequence[Problem]) -> list[Truth | None | str]:
+def references(problems: Sequence[Problem]) -> list[Truth | str | None]:
     """What distances are taken from, for the first instances."""
-    found: list[Truth | None | str] = [None] * len(problems)
+    found: list[Truth | str | None] = [None] * len(problems)
     for i, problem in enumerate(problems[:_DISTANT]):
         if problem.is_equality and problem.hard is None:
             found[i] = "auto" if problem.n <= 4 * _EXACT_UNKNOWNS else None
         elif problem.n <= _EXACT_UNKNOWNS:
-            found[i] = truth(problem)
+            found[i] = truth(problem, np.zeros(problem.n), RANK_TOLERANCE)  # by the rank rule, as `distance` has it
     return found
 
 

@@ -123,7 +123,8 @@ def _first(found: tuple[Any, ...]) -> FloatArray | None:
 
 _EQUALITY_ROW = 5  # DAQP's flag of an equality
 _RHO = 1e-6
-_ACCURATE = f"kept daqp.Model, H = I, unit rows, soft_weights {_RHO:g} scaled to each row's length, primal_tol 1e-9; update and solve"
+_ACCURATE = f"kept daqp.Model, H = I, unit rows, soft_weights {_RHO:g} scaled to each row's length, primal_tol 1e-9; "
+    "update and solve"
 
 
 def _daqp_defaults(problems: Sequence[Problem]) -> list[Call]:
@@ -159,7 +160,12 @@ def _daqp_accurate(problems: Sequence[Problem], warm: bool = False) -> list[Call
     calls: list[Call] = []
     for problem in problems:
         matrix, lower, upper, offsets = with_hard_rows(problem)
-        rows, low, up, softness = np.empty_like(matrix), np.empty_like(lower), np.empty_like(lower), np.empty_like(lower)
+        rows, low, up, softness = (
+            np.empty_like(matrix),
+            np.empty_like(lower),
+            np.empty_like(lower),
+            np.empty_like(lower),
+        )
         sense = np.empty(len(lower), np.int32)
         unit_rows(matrix, lower, upper, offsets, np.zeros(problem.n), _RHO, 1e-4, rows, low, up, softness, sense)
         sense *= _EQUALITY_ROW

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -93,7 +94,7 @@ def _humanoid(rows: int, path: bool = False) -> Callable[[Rng, int], list[Proble
             ends = rows + np.cumsum((0, 12, 3, 6, 38))
             levels = [
                 Level.equality(matrix[start:end], target[start - rows : end - rows])
-                for start, end in zip(ends[:-1], ends[1:], strict=True)
+                for start, end in itertools.pairwise(ends)
             ]
             problems.append(Problem(levels, hard=Level(matrix[:rows], -half, half, "two-sided")))
         return problems

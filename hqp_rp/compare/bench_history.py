@@ -87,7 +87,9 @@ def compared(entries: Sequence[Entry], now: Entry) -> tuple[str, ...]:
         margin = margin_of(old, new)
         if new.value < old.value * (1.0 - margin):
             change = new.value / old.value - 1.0
-            worse.append((change, f"{name}: from {old.value:.3g} to {new.value:.3g} ({change:+.0%}, margin {margin:.0%})."))
+            worse.append(
+                (change, f"{name}: from {old.value:.3g} to {new.value:.3g} ({change:+.0%}, margin {margin:.0%}).")
+            )
     sentences = [f"Worse than on {before.time}: {text}" for _, text in sorted(worse)]
     gone = [name for name in before.ratios if name not in now.ratios]
     sentences += [f"Kept on {before.time} and missing now: {name}." for name in gone]

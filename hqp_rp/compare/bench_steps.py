@@ -66,7 +66,7 @@ class Stepper:
 
 
 def step_family(name: str, *, quick: bool = False) -> StepFamily:
-    """"step_sawyer" (position, orientation, posture) or "step_humanoid" (soles, centre of mass, hands, posture)."""
+    """ "step_sawyer" (position, orientation, posture) or "step_humanoid" (soles, centre of mass, hands, posture)."""
     from hqp_rp.robot.named import named_robot
 
     robot: Any = named_robot("sawyer" if name == "step_sawyer" else "humanoid")
@@ -77,10 +77,7 @@ def step_family(name: str, *, quick: bool = False) -> StepFamily:
     if name == "step_humanoid":
         size[:6] = 0.02
     configurations = np.array(
-        [
-            robot.integrate(robot.neutral, size * np.sin(2.0 * np.pi * i / count + wave), 1.0)
-            for i in range(count)
-        ]
+        [robot.integrate(robot.neutral, size * np.sin(2.0 * np.pi * i / count + wave), 1.0) for i in range(count)]
     )
     robot.update(robot.neutral)
     mink_there = importlib.util.find_spec("mink") is not None
@@ -213,5 +210,7 @@ def _mink(family: StepFamily, solver: str, problems: Sequence[Problem]) -> Stepp
         return v
 
     calls = tuple(functools.partial(step, q) for q in family.configurations)
-    words = f"mink.solve_ik(configuration, tasks, {DT}, {solver!r}, limits=[]), costs {', '.join(f'{c:g}' for c in COSTS)}"
+    words = (
+        f"mink.solve_ik(configuration, tasks, {DT}, {solver!r}, limits=[]), costs {', '.join(f'{c:g}' for c in COSTS)}"
+    )
     return Stepper(f"mink {solver}", True, words, calls, lambda v: v, problems)

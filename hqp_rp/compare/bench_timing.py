@@ -22,7 +22,7 @@ PARTS = 5
 
 
 class Runner(Protocol):
-    """Who is timed: `turn` calls it `count` times, from instance `first` on and round again, and gives each call's time in ns."""
+    """Who is timed: `turn` calls it `count` times, from instance `first` on and round again; the time of each call in ns."""
 
     label: str
 
@@ -66,7 +66,7 @@ class Timing:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Ratio:
-    """How many times faster `label` is than `than`: the quotient of medians; spread: half its range over the parts, relative."""
+    """How many times faster `label` is than `than`, by medians; spread: half its range over the parts, relative."""
 
     label: str
     than: str

@@ -76,11 +76,12 @@ def _problems() -> dict[str, Problem]:
         "three levels": Problem([*two, Level.equality(np.eye(7), np.zeros(7))]),
         "two-sided rows": Problem([band, *two]),
         "hard rows": Problem([*two, band], hard=box),
+        "hard box": Problem(two, hard=box),
     }
 
 
 def _work() -> Iterator[tuple[str, Callable[[], object]]]:
-    """Every call that brings a kernel to life: each solver and variant on each kind of problem it takes, batches, verification."""
+    """Every call that compiles a kernel: each solver and variant on the problems that it takes, batches, verification."""
     from hqp_rp.core.batch import solve_batch
     from hqp_rp.core.verify import fault_of
 
@@ -131,7 +132,10 @@ def _entry_points(entries: list[tuple[str, Any]]) -> set[str]:
 
 
 def _own_seconds(buffer: list[tuple[float, Any]]) -> tuple[Compiled, ...]:
-    """Seconds of each kernel from nested start and end events; what lies within belongs to the callee."""
+    """Seconds of each kernel from nested start and end events.
+
+    A kernel within another one counts for itself; what numba compiles of its own library counts for the kernel that needs it.
+    """
     total: dict[str, float] = {}
     open_: list[list[Any]] = []
     for moment, found in buffer:
@@ -140,12 +144,16 @@ def _own_seconds(buffer: list[tuple[float, Any]]) -> tuple[Compiled, ...]:
         elif open_:
             name, start, inner = open_.pop()
             whole = moment - start
-            total[name] = total.get(name, 0.0) + whole - inner
+            if name:
+                total[name] = total.get(name, 0.0) + whole - inner
             if open_:
-                open_[-1][2] += whole
+                open_[-1][2] += whole if name else inner
     return tuple(Compiled(name, seconds) for name, seconds in sorted(total.items(), key=lambda pair: -pair[1]))
 
 
 def _name(dispatcher: Any) -> str:
+    """Module and name of a kernel of the library; "" for what numba brings along."""
     function = dispatcher.py_func
+    if not function.__module__.startswith("hqp_rp."):
+        return ""
     return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"

@@ -184,7 +184,48 @@ class Dots:
         return (right, left) if self.reverse_x else (left, right)
 
 
-Chart = Lines | Dots
+@dataclasses.dataclass(frozen=True, slots=True)
+class Bars:
+    """Horizontal bars on a log axis, from 1: how many times one is another.
+
+    Attributes:
+        name, title, caption, x_label: as in `Lines`.
+        groups: (title, bars) from top to bottom; a bar is (label, value, kind).
+        kinds: what the kinds 0, 1, ... stand for; they have the colours of `COLOURS`, the last one is grey.
+    """
+
+    name: str
+    title: str
+    caption: str
+    x_label: str
+    groups: tuple[tuple[str, tuple[tuple[str, float, int], ...]], ...]
+    kinds: tuple[str, ...]
+
+    def colour(self, kind: int) -> str:
+        """The colour of a kind."""
+        return "#b0b0b0" if kind == len(self.kinds) - 1 else COLOURS[kind % len(COLOURS)]
+
+    def rows(self) -> list[tuple[float, str, float, int]]:
+        """(height, label, value, kind), from top to bottom: one unit a bar, room for a title above each group."""
+        rows, at = [], 0.0
+        for _, bars in self.groups:
+            at += 1.0
+            for label, value, kind in bars:
+                rows.append((at, label, value, kind))
+                at += 1.0
+            at += 0.4
+        return rows
+
+    def titles(self) -> list[tuple[float, str]]:
+        """(height, title) of each group."""
+        found, at = [], 0.0
+        for title, bars in self.groups:
+            found.append((at + 0.15, title))
+            at += len(bars) + 1.4
+        return found
+
+
+Chart = Lines | Dots | Bars
 
 
 def thinned(y: FloatArray, points: int = 240) -> NDArray[np.int64]:

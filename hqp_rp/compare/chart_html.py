@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
-from hqp_rp.compare.chart import Chart, Dots, Lines, Style
+from hqp_rp.compare.chart import Bars, Chart, Dots, Lines, Style
 from hqp_rp.core.problem import FloatArray
 
 _GREY = "#666666"
@@ -24,7 +24,10 @@ def script() -> str:
 
 def html(chart: Chart, styles: dict[str, Style]) -> str:
     """The chart as a piece of a page that holds `script()`."""
-    figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
+    if isinstance(chart, Bars):
+        figure = _bars(chart)
+    else:
+        figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
     figure.update_layout(
         template="plotly_white",
         font={"family": "system-ui, sans-serif", "size": 12},
@@ -162,6 +165,33 @@ def _dots(chart: Dots, styles: dict[str, Style]) -> Any:
     figure.update_yaxes(categoryorder="array", categoryarray=labels[::-1], gridcolor=_GRID,
                         range=[-0.7, len(labels) - 0.3])  # fmt: skip
     figure.update_layout(height=110 + 24 * len(labels), margin={"l": 150, "r": 10, "t": 40, "b": 50})
+    return figure
+
+
+def _bars(chart: Bars) -> Any:
+    rows = chart.rows()
+    figure = go.Figure()
+    for k, kind in enumerate(chart.kinds):
+        own = [row for row in rows if row[3] == k]
+        figure.add_trace(
+            go.Bar(
+                y=[at for at, *_ in own], x=[value - 1.0 for _, _, value, _ in own], base=[1.0] * len(own), orientation="h",
+                name=kind, marker={"color": chart.colour(k)}, width=0.72, text=[f"{value:.3g}" for _, _, value, _ in own],
+                textposition="outside", customdata=[[label, value] for _, label, value, _ in own],
+                hovertemplate="<b>%{customdata[0]}</b>: %{customdata[1]:.3g}<extra></extra>",
+            )
+        )  # fmt: skip
+    for at, title in chart.titles():
+        figure.add_annotation(x=0.0, y=at, text=f"<b>{title}</b>", showarrow=False, xanchor="left")
+    values = [value for _, _, value, _ in rows]
+    limits = [math.log10(min([1.0, *values]) * 0.9), math.log10(max([10.0, *values]) * 1.8)]
+    figure.update_xaxes(type="log", range=limits, title_text=chart.x_label, gridcolor=_GRID)
+    last = max((at for at, *_ in rows), default=0.0)
+    figure.update_yaxes(tickvals=[at for at, *_ in rows], ticktext=[label for _, label, _, _ in rows],
+                        range=[last + 0.8, -0.8], showgrid=False)  # fmt: skip
+    legend = {"orientation": "h", "y": 1.0, "yanchor": "bottom"}
+    figure.update_layout(barmode="overlay", height=140 + 20 * int(last + 1.0), legend=legend,
+                         margin={"l": 190, "r": 20, "t": 60, "b": 50})  # fmt: skip
     return figure
 
 

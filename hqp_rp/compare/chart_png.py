@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from hqp_rp.compare.chart import Chart, Dots, Lines, Style
+from hqp_rp.compare.chart import Bars, Chart, Dots, Lines, Style
 
 _DASH: dict[str, Any] = {"solid": "-", "dash": (0, (4, 1.5)), "dot": (0, (1, 1.5))}
 _GREY = "#666666"
@@ -19,7 +19,10 @@ _GREY = "#666666"
 
 def png(chart: Chart, styles: dict[str, Style]) -> bytes:
     """The chart as a PNG file; the same data gives the same bytes."""
-    figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
+    if isinstance(chart, Bars):
+        figure = _bars(chart)
+    else:
+        figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
     return buffer.getvalue()
@@ -160,6 +163,36 @@ def _row(axes: Axes, chart: Dots, place: float, values: Any, colour: str) -> Non
     finite = bool(np.isfinite(middle))
     axes.plot([middle if finite else chart.absent_at], [place], "o", color=colour, markersize=7.5,
               markerfacecolor=colour if finite else "white", markeredgewidth=1.5)  # fmt: skip
+
+
+def _bars(chart: Bars) -> Figure:
+    rows = chart.rows()
+    last = max((at for at, *_ in rows), default=0.0)
+    margin = 0.3 + 0.075 * max((len(label) for _, label, _, _ in rows), default=10)
+    width, height = margin + 6.2, 1.5 + 0.21 * (last + 1.0)
+    figure = Figure(figsize=(width, height), facecolor="white")
+    axes = figure.add_axes((margin / width, 0.55 / height, 1.0 - (margin + 0.3) / width, 1.0 - 1.35 / height))
+    figure.text(0.2 / width, 1.0 - 0.32 / height, chart.title, fontsize=12, fontweight="bold")
+    for at, _, value, kind in rows:
+        axes.barh(at, value - 1.0, left=1.0, height=0.72, color=chart.colour(kind), linewidth=0)
+        axes.annotate(f"{value:.3g}", (value, at), (3, 0), textcoords="offset points", fontsize=7.5, va="center")
+    for at, title in chart.titles():
+        axes.text(1.0, at, title, fontsize=9, fontweight="bold", va="center")
+    axes.set_xscale("log")
+    axes.set_xlim(min([1.0, *(value for _, _, value, _ in rows)]) * 0.9, max([10.0, *(v for _, _, v, _ in rows)]) * 1.6)
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_ylim(last + 0.8, -0.8)
+    axes.set_yticks([at for at, *_ in rows], [label for _, label, _, _ in rows], fontsize=8)
+    axes.set_xlabel(chart.x_label, fontsize=9)
+    axes.grid(True, axis="x", color="#e4e4e4", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8, color=_GREY, length=2)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    handles = [Line2D([], [], color=chart.colour(k), linewidth=6, label=kind) for k, kind in enumerate(chart.kinds)]
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.15 / width, 1.0 - 0.42 / height), ncols=len(handles),
+                  fontsize=8.5, frameon=False)  # fmt: skip
+    return figure
 
 
 def _row_places(chart: Dots) -> dict[str, float]:

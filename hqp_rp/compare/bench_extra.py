@@ -1,0 +1,179 @@
+"""What a benchmark measures beside single solves: growth, batches, start-up, instruction counts."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from hqp_rp.compare.bench_entrants import Entrant, our_entrants, peer_entrants
+from hqp_rp.compare.bench_families import family, random_problem
+from hqp_rp.compare.bench_timing import LocalRunner, interleaved
+from hqp_rp.core.batch import solve_batch
+from hqp_rp.core.errors import MissingExtraError
+
+GROWERS = ("null space", "reverse priority", "active set, cold", "DAQP, accurate", "numpy SVD cascade")
+SIZES = (4, 7, 14, 28, 50, 100, 200)
+LEVELS = tuple(range(1, 9))
+LEVEL_ROWS, LEVEL_UNKNOWNS = 5, 50
+BATCH = 20_000
+BATCHED = ("null_space", "reverse_priority")
+COUNTED_FAMILY = "7_3-3"
+
+Curves = dict[str, list[tuple[float, float]]]
+"""Label -> (abscissa, seconds)."""
+
+
+def flops(n: int, rows: Sequence[int]) -> float:
+    """Floating-point operations of an orthogonal cascade on full-rank equality levels.
+
+    A level of m rows in c free columns is reduced by r = min(m, c) Householder reflections; each acts on the columns and
+    rows that are left, those of all later levels included: `sum_j 4 (c - j) (R - j)`, j = 0 ... r - 1, R the rows of this
+    and the later levels. Then `r^2` for the triangle and `4 n r` to turn the step back.
+
+    Source: Golub and Van Loan 2013, section 5.1 (a reflection of an R x c block costs 4 R c).
+    """
+    free, left, total = n, sum(rows), 0.0
+    for m in rows:
+        r = min(m, free)
+        total += sum(4.0 * (free - j) * max(left - j, 0) for j in range(r)) + r * r + 4.0 * n * r
+        free -= r
+        left -= m
+    return total
+
+
+def growth_shapes(over: str) -> list[tuple[float, int, tuple[int, ...]]]:
+    """(abscissa, n, rows of each level): "unknowns" has three levels of a quarter of n rows; "levels" has 1 ... 8 of 5."""
+    if over == "unknowns":
+        return [(float(n), n, (n // 4,) * 3) for n in SIZES]
+    return [(float(p), LEVEL_UNKNOWNS, (LEVEL_ROWS,) * p) for p in LEVELS]
+
+
+def growth(over: str, peers: Sequence[str], *, calls: int, budget: float) -> Curves:
+    """Median seconds per call of `GROWERS` and, as "flop count", the flops at the rate of null space at the last point."""
+    entrants = [e for e in [*our_entrants(), *peer_entrants(peers)[0]] if e.label in GROWERS]
+    curves: Curves = {e.label: [] for e in entrants}
+    shapes = growth_shapes(over)
+    for at, n, rows in shapes:
+        rng = np.random.default_rng([n, len(rows)])
+        problems = [random_problem(rng, n, rows) for _ in range(4)]
+        runners = [LocalRunner(e.label, e.prepare(problems)) for e in entrants]
+        for timing in interleaved(runners, calls=calls, budget=budget):
+            curves[timing.label].append((at, timing.median))
+    reference = curves[GROWERS[0]][-1][1] / flops(shapes[-1][1], shapes[-1][2])
+    curves["flop count"] = [(at, reference * flops(n, rows)) for at, n, rows in shapes]
+    return curves
+
+
+def batch_rates(cores: int, *, count: int = BATCH) -> list[tuple[str, int, float]]:
+    """(solver, threads, problems per second) of `solve_batch` on two-level 7-joint problems; the median of five calls."""
+    rng = np.random.default_rng(3)
+    A, b = rng.standard_normal((count, 6, 7)), rng.standard_normal((count, 6))
+    offsets = np.array([0, 3, 6])
+    found = []
+    for name in BATCHED:
+        for threads in sorted({1, cores}):
+            times = []
+            for _ in range(6):
+                start = time.perf_counter()
+                solve_batch(A, b, None, offsets, solver=name, threads=threads)
+                times.append(time.perf_counter() - start)
+            found.append((name, threads, count / float(np.median(times[1:]))))
+    return found
+
+
+_IMPORT = (
+    "import sys, time; t = time.perf_counter(); import hqp_rp; t = time.perf_counter() - t; "
+    "import json; print(json.dumps([t, 'numba' in sys.modules]))"
+)
+_FIRST = (
+    "import json, time; import numpy as np; import hqp_rp; r = np.random.default_rng(0); "
+    "p = hqp_rp.Problem([hqp_rp.Level.equality(r.standard_normal((3, 7)), r.standard_normal(3)) for _ in range(2)]); "
+    "t = time.perf_counter(); s = hqp_rp.solve(p, 'null_space'); t = time.perf_counter() - t; "
+    "print(json.dumps([t, s.status.ok]))"
+)
+
+
+def start_up(runs: int = 5) -> dict[str, float | bool]:
+    """Seconds of `import hqp_rp` and of the first solve with a cached kernel, medians over fresh processes.
+
+    "compiler": whether the import alone loads numba.
+    """
+    _fresh(_FIRST)  # so that the kernel is in the cache, whatever was there before
+    imports = [_fresh(_IMPORT) for _ in range(runs)]
+    firsts = [_fresh(_FIRST) for _ in range(runs)]
+    return {
+        "import": float(np.median([seconds for seconds, _ in imports])),
+        "compiler": any(loaded for _, loaded in imports),
+        "first solve": float(np.median([seconds for seconds, _ in firsts])),
+    }
+
+
+def _fresh(code: str) -> tuple[float, bool]:
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=dict(os.environ)
+    )
+    seconds, flag = json.loads(done.stdout.splitlines()[-1])
+    return float(seconds), bool(flag)
+
+
+def instruction_counts(labels: Sequence[str], *, calls: int = 2000) -> tuple[dict[str, float], str]:
+    """(label -> instructions per call on `COUNTED_FAMILY`, ""), or ({}, a sentence that says why there are none).
+
+    Linux `perf` counts user-space instructions of a process that makes `calls` calls and of one that makes twice as many;
+    the difference is the calls' own.
+    """
+    perf = shutil.which("perf")
+    if perf is None:
+        return {}, "Instruction counts are not available: the program perf is not installed."
+    if _perf(perf, [sys.executable, "-c", ""]) is None:
+        return {}, "Instruction counts are not available: perf cannot count instructions on this machine."
+    found = {}
+    for label in labels:
+        once, twice = (
+            _perf(perf, [sys.executable, "-m", "hqp_rp.compare.bench_extra", label, str(count)])
+            for count in (calls, 2 * calls)
+        )
+        if once is not None and twice is not None:
+            found[label] = (twice - once) / calls
+    return found, ""
+
+
+def _perf(perf: str, command: Sequence[str]) -> float | None:
+    """User-space instructions of a command; None where perf does not give them."""
+    done = subprocess.run(
+        [perf, "stat", "-x", ",", "-e", "instructions:u", *command], capture_output=True, text=True, check=False
+    )
+    for line in done.stderr.splitlines():
+        fields = line.split(",")
+        if len(fields) > 2 and fields[2].startswith("instructions") and fields[0].isdigit():
+            return float(fields[0])
+    return None
+
+
+@functools.cache
+def _entrant(label: str) -> Entrant:
+    for entrant in [*our_entrants(), *peer_entrants()[0]]:
+        if entrant.label == label:
+            return entrant
+    raise MissingExtraError(f"There is no entrant {label!r} here.")
+
+
+def main(arguments: Sequence[str]) -> None:
+    """LABEL CALLS: make so many calls on the counted family; what `instruction_counts` runs under perf."""
+    label, count = arguments
+    problems = family(COUNTED_FAMILY, quick=True).problems
+    calls = _entrant(label).prepare(problems)
+    for i in range(int(count)):
+        calls[i % len(calls)]()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
