@@ -123,8 +123,10 @@ def _first(found: tuple[Any, ...]) -> FloatArray | None:
 
 _EQUALITY_ROW = 5  # DAQP's flag of an equality
 _RHO = 1e-6
-_ACCURATE = f"kept daqp.Model, H = I, unit rows, soft_weights {_RHO:g} scaled to each row's length, primal_tol 1e-9; "
+_ACCURATE = (
+    f"kept daqp.Model, H = I, unit rows, soft_weights {_RHO:g} scaled to each row's length, primal_tol 1e-9; "
     "update and solve"
+)
 
 
 def _daqp_defaults(problems: Sequence[Problem]) -> list[Call]:
