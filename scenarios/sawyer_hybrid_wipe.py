@@ -104,7 +104,7 @@ class SawyerHybridWipe(Interaction):
             center, direction, axis = SawyerCrossing().crossing()
         else:
             center, axis = np.array(arm.neutral), np.array((1.0, 0.0, 0.0))
-            moved: FloatArray = np.linalg.pinv(arm.jacobian(center, "tool"))[:, 1]
+            moved = np.asarray(np.linalg.pinv(arm.jacobian(center, "tool"))[:, 1], dtype=np.float64)
             direction = moved / norm(moved)
         share = np.arange(steps + 1) / steps
         q: FloatArray = center - self.reach * np.cos(math.pi * share)[:, None] * direction

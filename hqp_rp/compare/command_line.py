@@ -1,4 +1,4 @@
-"""`hqp-rp`: compare solvers, stress them, replay a case, list solvers, list scenarios."""
+"""`hqp-rp`: compare solvers, stress them, replay a case, time them, list solvers, list scenarios."""
 
 from __future__ import annotations
 
@@ -131,6 +131,83 @@ def replay(file: tyro.conf.Positional[tuple[pathlib.Path, ...]], solver: str | N
     return 0
 
 
+def claims(
+    output: pathlib.Path = pathlib.Path("docs/reports/paper_claims"),
+    quick: bool = False,
+    overwrite: bool = False,
+    workers: int | None = None,
+    films: bool = True,
+) -> int:
+    """Run the paper's force experiments with every kind of solver and write the verdict on each of its claims.
+
+    Args:
+        output: the folder to write: report.html, report.md, figures, films, and every step as Parquet.
+        quick: a quarter of the time on longer simulation steps; verdicts may differ.
+        overwrite: replace the report of another run in that folder.
+        workers: processes; one for each core when not given.
+        films: render a short film of each scenario too, where a GL back end is there.
+    """
+    from hqp_rp.compare.claims_report import study_claims
+
+    if workers is not None and workers < 1:
+        raise SettingError(f"workers is {workers!r}; it must be an integer of at least 1.")
+    for sentence in study_claims(output, quick=quick, overwrite=overwrite, workers=workers, films=films):
+        print(sentence)
+    print(f"The report: {output / 'report.md'}")
+    return 0
+
+
+def bench(
+    family: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    peer: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    peer_python: tyro.conf.UseAppendAction[tuple[pathlib.Path, ...]] = (),
+    output: pathlib.Path = pathlib.Path("bench"),
+    quick: bool = False,
+) -> int:
+    """Time every solver beside what a user would pick instead, in one run, and say what got worse since the last one.
+
+    Writes a report with the ratios first: report.html, report.md with figures; and adds a line to history.jsonl.
+
+    Args:
+        family: a family of problems (7_3-3, 30, humanoid_40, 100, step_sawyer ...); repeat it for more. Without it, all.
+        peer: daqp, numpy, qpsolvers, mink, pink or placo; repeat it for more. Without it, all that are installed.
+        peer_python: the Python interpreter of an environment where pink or placo is installed; repeat it for more.
+        output: the folder to write; it is the history that the next run is compared with.
+        quick: fewer calls, and no figures of how cost grows.
+    """
+    from hqp_rp.compare.bench import bench as run
+
+    found = run(
+        output, families=family or None, peers=peer or None, peer_python=peer_python, quick=quick, progress=True
+    )
+    from hqp_rp.compare.bench_report import answer
+
+    for sentence in (*answer(found.measured), *found.against, *found.measured.missing):
+        print(f"- {sentence}")
+    print(f"The report: {output / 'report.html'}")
+    return 0
+
+
+def warmup() -> int:
+    """Compile every kernel ahead of time, so that no first solve pays for it; print the seconds of each."""
+    from hqp_rp.compare.bench_warmup import warm_up_all
+    from hqp_rp.compare.run import progress_bar
+
+    with progress_bar(sys.stderr.isatty(), 1, 0, "calls") as advance:
+        done = 0
+
+        def report(name: str, at: int, count: int) -> None:
+            nonlocal done
+            advance(at - done, f"{name} ({at} of {count})")
+            done = at
+
+        found = warm_up_all(report)
+    for kernel in found.compiled:
+        print(f"{kernel.seconds:8.2f} s  {kernel.name}")
+    print(f"{len(found.compiled)} kernels compiled, {found.cached} loaded from the cache, in {found.seconds:.1f} s.")
+    return 0
+
+
 def solvers() -> int:
     """List every solver: name, what it does, what it accepts, its settings and where it comes from."""
     import dataclasses
@@ -188,6 +265,9 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "compare": compare,
     "stress": stress,
     "replay": replay,
+    "claims": claims,
+    "bench": bench,
+    "warmup": warmup,
     "solvers": solvers,
     "scenarios": scenarios,
 }
