@@ -214,8 +214,8 @@ def _qpsolvers_cascade(problems: Sequence[Problem]) -> list[Call]:
         wanted = [(level.A, level.lower) for level in problem.levels]
         for J, rate in [*wanted, (np.eye(problem.n), np.zeros(problem.n))]:
             P = J.T @ J + _TIKHONOV * np.eye(problem.n)
-            equality = (A, b) if len(b) else (None, None)
-            x = qpsolvers.solve_qp(P, -J.T @ rate, G, h, *equality, solver="piqp")
+            held: dict[str, Any] = {"A": A, "b": b} if len(b) else {}
+            x = qpsolvers.solve_qp(P, -J.T @ rate, G, h, **held, solver="piqp")
             if x is None:
                 return None
             A, b = np.concatenate((A, J)), np.concatenate((b, J @ x))

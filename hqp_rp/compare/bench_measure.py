@@ -98,7 +98,9 @@ class Measured:
 def measure(asked: Asked, progress: bool = False) -> Measured:
     """Measure everything that is asked for, in this process."""
     say = _said if progress else _unsaid
-    results, missing, found_versions = [], [], {}
+    results: list[Result] = []
+    missing: list[str] = []
+    found_versions: dict[str, str] = {}
     for name in asked.families:
         if name in FAMILIES:
             result, absent = _solve_family(name, asked, functools.partial(say, name))
@@ -207,7 +209,9 @@ def remote_steppers(
             problems = (theirs or chosen)[0].problems
             calls = tuple(functools.partial(runner.answer, i) for i in range(len(made.configurations)))
             costs = ", ".join(f"{cost:g}" for cost in COSTS[:3])
-            words = f"{peer} {runner.version} in an environment of its own, without limits, costs {costs}"
+            words = f"{peer} {runner.version} in an environment of its own, without limits, costs {costs}" + (
+                " (times 100)" if peer == "placo" else ""
+            )
             found.append((Stepper(peer, True, words, calls, lambda v: v, problems), runner))
             found_versions[peer] = runner.version
             break

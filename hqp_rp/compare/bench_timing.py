@@ -24,7 +24,8 @@ PARTS = 5
 class Runner(Protocol):
     """Who is timed: `turn` calls it `count` times, from instance `first` on and round again; the time of each call in ns."""
 
-    label: str
+    @property
+    def label(self) -> str: ...
 
     def turn(self, first: int, count: int) -> list[int]: ...
 

@@ -50,7 +50,7 @@ def warm_up_all(report: Callable[[str, int, int], None] | None = None) -> Warmup
     begin = time.perf_counter()
     from numba.core import event
 
-    recorder = event.RecordingListener()
+    recorder = event.RecordingListener()  # type: ignore[no-untyped-call]
     work = list(_work())
     with event.install_listener("numba:compile", recorder):
         for i, (name, call) in enumerate(work):
