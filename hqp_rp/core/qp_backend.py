@@ -87,6 +87,13 @@ class Backend(abc.ABC):
         """Drop every workspace."""
 
 
+class _Known(NamedTuple):
+    """What is known of a solver: its names for our settings, and whether it needs a positive definite Hessian."""
+
+    options: dict[str, Any]
+    definite: bool = False
+
+
 class QpsolversBackend(Backend):
     """Any other solver by its qpsolvers name, built anew at each call, at tight tolerances where we know their names.
 
@@ -96,7 +103,6 @@ class QpsolversBackend(Backend):
 
     _PROXIMAL = 1e-4
     _PROXIMAL_STEPS = 20
-    _DENSE_DEFINITE = ("quadprog", "daqp")
 
     def __init__(self, name: str, eps_abs: float, max_iterations: int) -> None:
         import qpsolvers
@@ -105,12 +111,16 @@ class QpsolversBackend(Backend):
         self._eps_abs = eps_abs
         self._qpsolvers = qpsolvers
         self._sparse_only = name in qpsolvers.sparse_solvers and name not in qpsolvers.dense_solvers
-        self._options: dict[str, Any] = {
-            "daqp": {"primal_tol": min(eps_abs, 1e-9), "dual_tol": min(eps_abs, 1e-9), "iter_limit": max_iterations},
-            "piqp": {"eps_abs": eps_abs, "eps_rel": 0.0, "max_iter": max_iterations},
-            "clarabel": {"tol_gap_abs": eps_abs, "tol_gap_rel": eps_abs, "tol_feas": eps_abs},
-            "scs": {"eps_abs": eps_abs, "eps_rel": 0.0, "max_iters": 100 * max_iterations},
-        }.get(name, {})
+        tight = min(eps_abs, 1e-9)
+        known = dict(  # noqa: C408  as keywords: a back end is no solver of ours, whatever its name
+            daqp=_Known({"primal_tol": tight, "dual_tol": tight, "iter_limit": max_iterations}, definite=True),
+            quadprog=_Known({}, definite=True),
+            piqp=_Known({"eps_abs": eps_abs, "eps_rel": 0.0, "max_iter": max_iterations}),
+            clarabel=_Known({"tol_gap_abs": eps_abs, "tol_gap_rel": eps_abs, "tol_feas": eps_abs}),
+            scs=_Known({"eps_abs": eps_abs, "eps_rel": 0.0, "max_iters": 100 * max_iterations}),
+        ).get(name, _Known({}))
+        self._options = known.options
+        self._needs_definite = known.definite
 
     def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
         n, m, soft = qp.shape
@@ -118,7 +128,7 @@ class QpsolversBackend(Backend):
         gradient = np.concatenate([qp.gradient, np.zeros(soft)])
         flat = hessian < self._PROXIMAL
         steps = 1
-        if self._name in self._DENSE_DEFINITE and flat.any():
+        if self._needs_definite and flat.any():
             steps = self._PROXIMAL_STEPS
         proximal = np.where(flat, self._PROXIMAL, 0.0) if steps > 1 else np.zeros(n + soft)
         matrix = qp.slack_columns()
