@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
 import io
 import math
+import weakref
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,16 @@ def qp_kernels() -> Any:
     return qp
 
 
+_alive: weakref.WeakSet[ProxQPBackend] = weakref.WeakSet()
+
+
+@atexit.register
+def _let_go() -> None:
+    """Drop ProxQP's objects before the interpreter ends: its binding writes a page of warnings about each one still held."""
+    for backend in list(_alive):
+        vars(backend).clear()
+
+
 class ProxQPBackend(Backend):
     """ProxQP's dense interface: a proximal augmented Lagrangian (Bambade, El-Kazdadi, Taylor and Carpentier, RSS 2022).
 
@@ -37,6 +49,7 @@ class ProxQPBackend(Backend):
     def __init__(self, eps_abs: float, max_iterations: int) -> None:
         from proxsuite import proxqp
 
+        _alive.add(self)
         self._proxqp = proxqp
         self._eps_abs = eps_abs
         self._max_iterations = max_iterations
