@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from hqp_rp.compare.contact_runs import ContactFigures
-from hqp_rp.compare.report import number, share
+from hqp_rp.compare.report import listing, number, share
 from hqp_rp.scenarios._interaction import DAMPED, PAPER, REGULAR, SINGULAR
 
 TRACKING, WALL, WIPE, CONFLICT = (
@@ -196,7 +196,7 @@ def _against(
     if not wins:
         return measured, FAILS
     return measured, HOLDS if not ties else (
-        f"holds only when compared with {' and '.join(wins)}; not against {' and '.join(ties)}"
+        f"holds only when compared with {listing(wins)}; not against {listing(ties)}"
     )
 
 

@@ -15,10 +15,10 @@ from hqp_rp.compare.contact_runs import ContactFigures, contact_figures, run_con
 from hqp_rp.compare.contestants import Contestant, default_contestants
 from hqp_rp.compare.figures import grouped
 from hqp_rp.compare.machine import machine, usable_cores, versions
-from hqp_rp.compare.report import Report, Section, Table, number, share, write_report
+from hqp_rp.compare.report import Report, Section, Table, listing, number, share, write_report
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.core.errors import HqpError
-from hqp_rp.scenarios._interaction import Interaction
+from hqp_rp.scenarios._interaction import DAMPED, PAPER, Interaction
 from hqp_rp.scenarios.scenario import get_scenario
 
 FILES = ("report.html", "report.md", "figures", "results", "films")
@@ -40,6 +40,10 @@ _ERRORS = (
     ("orientation error [rad]", "orientation (rad)", False),
 )
 _SPEED = (("commanded speed [rad/s]", "|x| asked for\n(rad/s)", True),)
+_GAINS = {
+    PAPER: "M_d and B_d are the paper's",
+    DAMPED: "B_d across the wall is the well-damped set's, M_d the paper's",
+}
 _MIRRORS = {
     TRACKING: "Mirrors the paper's Figure 5 (reverse priority) and Figure 6 (classical)",
     WALL: "Mirrors the paper's Figure 7 (contact force)",
@@ -57,9 +61,9 @@ class ClaimsStudy:
     steps: pl.DataFrame
     halved: pl.DataFrame
 
-    def report(self) -> Report:
-        """The report as data."""
-        return _report(self)
+    def report(self, films: Sequence[str] = ()) -> Report:
+        """The report as data; `films` is what `film_all` returned."""
+        return _report(self, films)
 
 
 def line_up() -> tuple[Contestant, ...]:
@@ -110,13 +114,13 @@ def study_claims(
         _kept(folder, "steps", scenarios, contestants, cores),
         _kept(folder, "halved", finer, [c for c in contestants if c.label in HALVED], cores),
     )
-    write_report(study.report(), folder.path, workers=cores)
-    found = [f"{ruling.claim} {ruling.verdict}" for ruling in rulings(Study(contact_figures(study.steps)))]
+    shown: list[str] = []
     if films:
         from hqp_rp.compare.film import film_all
 
-        found += film_all(scenarios, [c for c in contestants if c.label in HALVED], folder.path / "films")
-    return found
+        shown = film_all(scenarios, [c for c in contestants if c.label in HALVED], folder.path / "films")
+    write_report(study.report(shown), folder.path, workers=cores)
+    return [f"{r.claim} {r.verdict}" for r in rulings(Study(contact_figures(study.steps)))] + shown
 
 
 def _interaction(name: str, quick: bool) -> Interaction:
@@ -142,7 +146,7 @@ def _kept(
     return found
 
 
-def _report(study: ClaimsStudy) -> Report:
+def _report(study: ClaimsStudy, films: Sequence[str]) -> Report:
     figures = contact_figures(study.steps)
     judged = rulings(Study(figures))
     groups = [names for _, names in grouped(study.contestants)]
@@ -151,7 +155,8 @@ def _report(study: ClaimsStudy) -> Report:
     only = sum(r.verdict.startswith("holds only") for r in judged)
     answer = (
         f"Of {len(judged)} claims {counts['holds'] - only} hold as they stand, {only} hold only under a condition that the "
-        f"paper does not state, and {counts['does not hold']} do not hold as printed.",
+        f"paper does not state, and {counts['does not hold']} {'does' if counts['does not hold'] == 1 else 'do'} not hold as "
+        "printed.",
     )
     claims = Table(
         "Claims of the paper",
@@ -177,6 +182,7 @@ def _report(study: ClaimsStudy) -> Report:
             "Figures",
             sections=tuple(_figures(study, scenario) for scenario in study.scenarios),
         ),
+        Section("Films", _films(films), listed=True),
         Section("Tables", tables=tuple(_table(scenario, case, figures) for scenario, case in _cases(study))),
         Section("Half the time step", tables=(_halved(figures, contact_figures(study.halved)),)),
         Section("Settings", tables=_settings(study)),
@@ -186,6 +192,17 @@ def _report(study: ClaimsStudy) -> Report:
         "Which claims about reverse-priority force, impedance and hybrid control hold in simulation?",
         sections,
         _styles(groups),
+    )
+
+
+def _films(films: Sequence[str]) -> tuple[str, ...]:
+    if not films:
+        return ("None was asked for.",)
+    return tuple(
+        f"films/{name}: the last case (well damped, near singular), {listing(HALVED)} side by side, in real time."
+        if name.endswith(".webp")
+        else name
+        for name in films
     )
 
 
@@ -227,9 +244,7 @@ def _chart(
     return Lines(
         name=f"{name}-{kind}-{slug}".replace("_", "-"),
         title=f"{title} ({_words(name)}; {case})",
-        caption=f"{mirrors}, with its {case.split(', ')[0]} numbers, for every solver."
-        if case.startswith("well")
-        else f"{mirrors}, with {case.split(', ')[0]}, for every solver.",
+        caption=f"{mirrors}, for every solver; {_GAINS[case.split(', ')[0]]}.",
         x_label="time (s)",
         columns=tuple(group for group, _ in groups),
         rows=tuple(label for _, label, _ in rows),
