@@ -89,7 +89,7 @@ def study_claims(
 
     Args:
         output: the folder for report.html, report.md, figures, films and the steps as Parquet.
-        quick: the scenarios' own quick versions; verdicts that need a settled force may then differ.
+        quick: the scenarios' own quick versions; too short for the verdicts.
         overwrite: replace the report of another run in `output`.
         workers: processes; None means one for each usable core.
         films: render a short film of each scenario too, where a GL back end is there.

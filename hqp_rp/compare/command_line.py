@@ -142,7 +142,7 @@ def claims(
 
     Args:
         output: the folder to write: report.html, report.md, figures, films, and every step as Parquet.
-        quick: a quarter of the time on longer simulation steps; verdicts may differ.
+        quick: a sixth of the time on longer simulation steps: a look at the report, too short for its verdicts.
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
         films: render a short film of each scenario too, where a GL back end is there.
