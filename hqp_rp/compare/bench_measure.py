@@ -209,9 +209,7 @@ def remote_steppers(
             problems = (theirs or chosen)[0].problems
             calls = tuple(functools.partial(runner.answer, i) for i in range(len(made.configurations)))
             costs = ", ".join(f"{cost:g}" for cost in COSTS[:3])
-            words = f"{peer} {runner.version} in an environment of its own, without limits, costs {costs}" + (
-                " (times 100)" if peer == "placo" else ""
-            )
+            words = f"{peer} {runner.version} in an environment of its own, without limits, costs {costs}"
             found.append((Stepper(peer, True, words, calls, lambda v: v, problems), runner))
             found_versions[peer] = runner.version
             break

@@ -56,9 +56,8 @@ def placo_step(asked: dict[str, Any]) -> Callable[[Any], Any]:
     solver.enable_joint_limits(False)
     solver.enable_velocity_limits(False)
     solver.dt = asked["dt"]
-    # placo's weights multiply squares, mink's and pink's costs multiply rows; a hundredfold, they stand out of the
-    # regularization that placo adds by itself.
-    weights = [(100.0 * cost) ** 2 for cost in asked["costs"]]
+    # placo's weights multiply squares, mink's and pink's costs multiply rows.
+    weights = [cost**2 for cost in asked["costs"]]
     solver.add_position_task("tool", np.array(asked["position"])).configure("position", "soft", weights[0])
     solver.add_orientation_task("tool", np.array(asked["rotation"])).configure("orientation", "soft", weights[1])
     posture = solver.add_joints_task()

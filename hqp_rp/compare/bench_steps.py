@@ -20,8 +20,9 @@ DT = 0.01
 GAIN = 2.0
 """1/s, of every task; mink's gain is this times `DT`, so that both ask for the same velocity."""
 
-COSTS = (1.0, 1e-2, 1e-4, 1e-6)
-"""mink and its kin have weights in place of priorities: the cost of each level's tasks."""
+COSTS = (1e2, 1.0, 1e-2, 1e-4)
+"""mink and its kin have weights in place of priorities: the cost of each level's tasks. The least one squared is far above
+the damping (1e-12) that mink and pink add, and the regularization of placo."""
 
 STEPPERS = ("null space", "reverse priority", "active set, cold", "active set, warm", "DAQP hierarchy", "QP ProxQP")
 """Labels of our entrants that take part; warm starts pay here, since configurations are neighbours."""
