@@ -14,6 +14,7 @@ from hqp_rp.compare.report import listing, number, share
 from hqp_rp.compare.stress_plan import KINDS, LIMITS, RANDOM
 from hqp_rp.compare.stress_summary import Case, Summary, largest, quantile, sigma_of_bins
 from hqp_rp.compare.study import BOUNDED, CLEAR, KEPT, PARTING
+from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.solution import Status
 
 if TYPE_CHECKING:
@@ -154,6 +155,8 @@ def claims(test: Stress) -> tuple[Verdict, ...]:
         return ()
     for claim, judge in ((SAME, _same), (UNDISTURBED, _undisturbed), (FREE, _free)):
         for c, case in enumerate(summary.cases):
+            if claim == FREE and case.kind == Singularity.KINEMATIC.name:
+                continue  # the claim is about algorithmic singularities
             k = _first(test.plan.contestants, is_reverse)
             if k is not None and np.isfinite(level_error(summary, c, k, 0)):
                 found.append(Verdict(claim, case.title, *judge(test, c, k)))

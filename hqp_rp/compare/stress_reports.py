@@ -1,59 +1,77 @@
 """Remake the singularity studies that are kept beside the documentation.
 
-    python -m hqp_rp.compare.stress_reports [--samples N] [FOLDER]
+    python -m hqp_rp.compare.stress_reports [NAME ...] [--folder FOLDER]
 
-Of each study report.md, its figures and atlas.json are kept.
+Without a name, all of them. Of each study report.md, its figures and atlas.json are kept.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import pathlib
 import shutil
 import tempfile
 from collections.abc import Sequence
 
-from hqp_rp.compare.stress import stress
+from hqp_rp.compare.stress import CLOSED_FORMS, stress
 from hqp_rp.compare.stress_atlas import NAME as ATLAS
 
-STUDIES = ("sawyer", "planar4")
-"""Robots that have a study, each with the library's own stack of that name."""
-
 KEPT = ("report.md", "figures", ATLAS)
-SAMPLES = 3000
+FOLDER = pathlib.Path("docs/reports")
 
 
-def remake(folder: pathlib.Path, samples: int = SAMPLES, studies: Sequence[str] = STUDIES) -> list[pathlib.Path]:
-    """Make every study anew; the folders written: `folder`/stress-NAME."""
-    written = []
-    for name in studies:
-        target = folder / f"stress-{name}"
-        with tempfile.TemporaryDirectory(prefix="hqp_rp-") as temporary:
-            made = pathlib.Path(temporary) / name
-            stress(name, name, samples=samples, output=made, progress=True)
-            target.mkdir(parents=True, exist_ok=True)
-            for kept in KEPT:
-                _replace(made / kept, target / kept)
-        written.append(target)
-    return written
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """One stress test: model and stack by name, samples, solvers (None: all)."""
+
+    model: str
+    stack: str
+    samples: int
+    solvers: tuple[str, ...] | None = None
 
 
-def _replace(source: pathlib.Path, target: pathlib.Path) -> None:
-    if source.is_dir():
-        shutil.rmtree(target, ignore_errors=True)
-        shutil.copytree(source, target)
-    else:
-        shutil.copyfile(source, target)
+STUDIES = {
+    "stress-sawyer": Study("sawyer", "sawyer", 1000),
+    "stress-sawyer-closed-forms": Study("sawyer", "sawyer", 100_000, (CLOSED_FORMS,)),
+    "stress-planar4": Study("planar4", "planar4", 1000),
+}
+"""Name of the folder -> what is in it."""
+
+
+def remake(name: str, folder: pathlib.Path = FOLDER, *, progress: bool = False) -> pathlib.Path:
+    """Make one study anew; the folder written, `folder`/`name`."""
+    study, target = STUDIES[name], folder / name
+    with tempfile.TemporaryDirectory(prefix="hqp_rp-") as temporary:
+        made = pathlib.Path(temporary) / name
+        stress(study.model, study.stack, samples=study.samples, solvers=study.solvers, output=made, progress=progress)
+        keep(made, target)
+    return target
+
+
+def keep(made: pathlib.Path, target: pathlib.Path) -> None:
+    """Copy what is kept of a report's folder."""
+    target.mkdir(parents=True, exist_ok=True)
+    for name in KEPT:
+        source, copy = made / name, target / name
+        if source.is_dir():
+            shutil.rmtree(copy, ignore_errors=True)
+            shutil.copytree(source, copy)
+        else:
+            shutil.copyfile(source, copy)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m hqp_rp.compare.stress_reports", description=__doc__)
-    parser.add_argument("folder", nargs="?", type=pathlib.Path, default=pathlib.Path("docs/reports"))
-    parser.add_argument("--samples", type=int, default=SAMPLES, help=f"for each study; default {SAMPLES}")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(STUDIES)}; default all")
+    parser.add_argument("--folder", type=pathlib.Path, default=FOLDER)
     given = parser.parse_args(arguments)
-    for folder in remake(given.folder, given.samples):
-        print(folder)
+    unknown = sorted(set(given.names) - set(STUDIES))
+    if unknown:
+        parser.error(f"there is no study {', '.join(unknown)}; there are {', '.join(STUDIES)}")
+    for name in given.names or STUDIES:
+        print(remake(name, given.folder, progress=True))
 
 
 if __name__ == "__main__":
