@@ -46,7 +46,13 @@ def scenario_charts(
             if of_case[2].height:
                 charts.append(_measured(scenario, case, contestants, of_case[2]))
     charts.append(_parting(scenario, contestants, steps))
-    return [chart for chart in charts if (any(map(any, chart.panels)) if isinstance(chart, Lines) else chart.columns)]
+    return [chart for chart in charts if _has_data(chart)]
+
+
+def _has_data(chart: Chart) -> bool:
+    if isinstance(chart, Lines):
+        return any(map(any, chart.panels))
+    return bool(chart.columns if isinstance(chart, Dots) else chart.groups)
 
 
 def _family(

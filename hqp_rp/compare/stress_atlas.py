@@ -45,4 +45,5 @@ def _place(entry: dict[str, Any]) -> SingularConfiguration:
     values: dict[str, Any] = {
         name: np.array(value, dtype=np.float64) if isinstance(value, list) else value for name, value in entry.items()
     }
-    return SingularConfiguration(**values | {"kind": Singularity[entry["kind"]]})
+    values["kind"] = Singularity[entry["kind"]]
+    return SingularConfiguration(**values)
