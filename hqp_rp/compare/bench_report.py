@@ -171,7 +171,7 @@ def _growth(over: str, curves: Curves) -> Lines:
     )
     return Lines(
         name=f"growth_{over}",
-        title=f"Cost over the number of {over}",
+        title=f"Cost over {over}",
         caption=caption,
         x_label=f"number of {over}",
         columns=("solver",),
