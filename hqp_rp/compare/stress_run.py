@@ -105,7 +105,8 @@ def _by_dask(plan: Plan, left: Sequence[int], client: Any) -> Finished:
     waiting = iter(left)
     threads = sum(worker["nthreads"] for worker in client.scheduler_info()["workers"].values())
     submit = _submitter(plan, client)
-    pending = as_completed([submit(index) for _, index in zip(range(3 * max(threads, 1)), waiting, strict=False)])
+    first = [submit(index) for _, index in zip(range(3 * max(threads, 1)), waiting, strict=False)]
+    pending = as_completed(first, loop=client.loop)
     for future in pending:
         result = future.result()
         future.release()
