@@ -12,6 +12,7 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+from hqp_rp.core.verify import fault_of, with_hard_rows
 
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
 
@@ -25,6 +26,8 @@ class HierarchicalActiveSet(Solver):
     factored by orthogonal transformations in the freedom that finished levels left, the step goes as far as the first row
     allows, and a row leaves when its multiplier has the wrong sign. Rows that a finished level determines leave for good;
     satisfied rows are kept as rows. After a step of length zero has repeated, Bland's rule chooses, so that it cannot cycle.
+    Near a singularity, where multipliers close to rounding error decide, the answer is verified before it is called solved;
+    where that fails it is `INACCURATE`.
 
     Args:
         rank_tolerance: the library's rank rule, in [0, 1).
@@ -67,18 +70,10 @@ class HierarchicalActiveSet(Solver):
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         from hqp_rp.core.kernels import active_set
 
-        matrix, lower, upper, offsets = problem.stacked
-        hard = 0
-        if problem.hard is not None:
-            hard = problem.hard.m
-            matrix = np.concatenate((problem.hard.A, matrix))
-            lower = np.concatenate((problem.hard.lower, lower))
-            upper = np.concatenate((problem.hard.upper, upper))
+        stacked = with_hard_rows(problem)
+        matrix, lower, upper, starts = stacked
+        hard = int(starts[1])
         rows = len(matrix)
-        starts = np.empty(len(offsets) + 1, np.int64)
-        starts[0] = 0
-        starts[1:] = offsets
-        starts[1:] += hard
         key = (rows, problem.n, hard)
         kept = self._kept.get(key) if self.warm_start else None
         if kept is None:
@@ -106,10 +101,17 @@ class HierarchicalActiveSet(Solver):
             )
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             code, iterations = active_set.NOT_FINITE, 0
-        if code == active_set.SOLVED:
+        if code in (active_set.SOLVED, active_set.DELICATE):
             if self.warm_start:
                 self._kept[key] = (x, side)
-            return Solution(problem, x.copy() if self.warm_start else x, Status.SOLVED, iterations, "", secondary)
+            answer = x.copy() if self.warm_start else x
+            fault = ""
+            if code == active_set.DELICATE:
+                fault = fault_of(
+                    problem, answer, secondary, self.tolerance, stacked=stacked, rank_tolerance=self.rank_tolerance
+                )
+            status = Status.INACCURATE if fault else Status.SOLVED
+            return Solution(problem, answer, status, iterations, fault, secondary)
         self._kept.pop(key, None)
         if code == active_set.INFEASIBLE:
             names = ", ".join(str(i) for i in np.flatnonzero(conflict))

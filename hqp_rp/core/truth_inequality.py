@@ -82,4 +82,5 @@ def searched_in_double_precision(problem: Problem, secondary: FloatArray, tolera
         code, _ = active_set.hierarchical_active_set(*arguments, x, side, conflict)
     except (ValueError, np.linalg.LinAlgError):  # its SVD meets an overflow that arose on the way
         return None
-    return x if code == active_set.SOLVED and np.isfinite(x).all() else None
+    solved = code in (active_set.SOLVED, active_set.DELICATE)
+    return x if solved and np.isfinite(x).all() else None

@@ -47,6 +47,21 @@ def test_a_box_bounds_x_through_a_singularity():
         assert certify(problem, solution.x).ok
 
 
+@pytest.mark.parametrize("rows", [(3, 3), (3, 3, 7)])
+@pytest.mark.parametrize("exponent", range(4, 14))
+def test_near_a_singularity_under_limits_solved_is_never_refuted(exponent, rows):
+    for seed in range(6):
+        problem = boxed(near_singular(10.0**-exponent, seed, rows=rows), (0.5, 2.0, 1e3)[seed % 3])
+        solution = solve(problem, NAME)
+        if solution.status is Status.SOLVED:
+            certificate = certify(problem, solution.x)
+            assert certificate.ok, certificate.sentence
+        else:  # only where the rank rule is about to cut
+            assert exponent >= 10
+            assert solution.status in (Status.INACCURATE, Status.ITERATION_LIMIT)
+            assert solution.message
+
+
 def draw(rng, n, integers, hard_kind):
     """A random problem, degenerate when `integers`; its hard rows are none, a box, feasible, or anything."""
 

@@ -37,6 +37,7 @@ SOLVED = 0
 LIMIT = 1
 INFEASIBLE = 2
 NOT_FINITE = 3
+DELICATE = 4  # solved, but a level was kept by a pivot so small that multipliers near rounding error decided
 
 
 class Room(NamedTuple):
@@ -110,8 +111,8 @@ def step_to_minimizer(rows, room, z, r0, r1, nW, nB, rW, c0, tol, work, step, gr
     """Complete the factorization of [W; B] and fill `step` (d,), which leads to the minimizer over the working set.
 
     W (the first nW rows of `work`) is factored already, rW = nW. With r0 = r1 = M, after the last level, what is minimized
-    is ||x - z||. `gradient` (rW,) then is its gradient along W. Returns (reflectors, rank, V, what the step is after, as a
-    length).
+    is ||x - z||. `gradient` (rW,) then is its gradient along W. Returns (reflectors, rank, V, what the step is after as a
+    length, smallest pivot of the kept rank).
     """
     M = len(rows.value)
     last = r0 == M
@@ -137,11 +138,16 @@ def step_to_minimizer(rows, room, z, r0, r1, nW, nB, rW, c0, tol, work, step, gr
     r = 0
     rank = 0
     V = empty
+    pivot = np.inf
     if not last:
         r, rank, V, U, S = factor(
             work, nW, nW + nB, rW, nW + nB, room.origin, rows.loaded, r0, r1, 1.0, tol, False, rW,
             room.ref_row, room.ref_col, room.ref_tau,
         )  # fmt: skip
+        for i in range(rank):
+            pivot = min(pivot, S[i] if len(S) else abs(work[nW + i, rW + i]))
+        if rank < r:  # a direction was cut by the rank rule
+            pivot = 0.0
         for i in range(nB):
             row = room.B[int(room.origin[nW + i]) - nW]
             s = bound_of(rows, row) - rows.value[row]
@@ -152,7 +158,7 @@ def step_to_minimizer(rows, room, z, r0, r1, nW, nB, rW, c0, tol, work, step, gr
         solve_level(work, nW, nW + nB, rW, r, rank, U, S, room.target, 0.0, 1.0, 0, 0.0, 0.0, step)
         turn_back(work, step, rW, V, rW, rW + r, room.ref_row, room.ref_col, room.ref_tau)
     turn_back(work, step, 0, empty, 0, rW, room.ref_row, room.ref_col, room.ref_tau)
-    return r, rank, V, sought
+    return r, rank, V, sought, pivot
 
 
 @kernel
@@ -196,7 +202,7 @@ def row_to_leave(rows, room, nW, nB, rW, work, gradient, last, size, bland):
     for i in range(nW):
         row = room.W[i]
         wrong = -room.multiplier[i] * rows.side[row]
-        if wrong > 1e-11 * max(residual, EPS * size) and worse(wrong, row, worst_size, worst, bland):
+        if wrong > 1e-13 * max(residual, EPS * size) and worse(wrong, row, worst_size, worst, bland):
             worst_size, worst = wrong, row
     return worst, residual
 
@@ -221,7 +227,7 @@ def settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict):
     nF = 0
     still = 0
     for i in range(nW):
-        if residual > 0.0 and room.multiplier[i] * rows.side[room.W[i]] > 1e-9 * residual:
+        if residual > 0.0 and room.multiplier[i] * rows.side[room.W[i]] > 1e-13 * residual:
             room.F[nF] = room.W[i]
             nF += 1
         else:
@@ -259,7 +265,8 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
 
     x (n,): where to start, then the answer. side (M,): the bound at which a row is thought to be active (-1, 0, +1), then
     the bounds at which rows are active. conflict (M,): 1 for each hard row of a contradiction when INFEASIBLE; the answer is
-    then the point of least violation, and the levels are optimized over such points only with `go_on`.
+    then the point of least violation, and the levels are optimized over such points only with `go_on`. DELICATE: solved near
+    a singularity, where the answer should be verified.
     """
     M, n = A.shape
     p = len(offsets) - 1
@@ -271,6 +278,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
     depends = max(tol, 1e-12)  # a kept row whose free part is smaller than this depends on the working set
     iterations = 0
     contradicting = 0
+    smallest = np.inf
     nW = 0
     c0 = 0
     for k in range(p + 1):
@@ -310,7 +318,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
             gradient = room.gradient[:rW]
             gradient[:] = 0.0
             size = math.sqrt(np.sum(x * x))
-            r, rank, V, sought = step_to_minimizer(
+            r, rank, V, sought, pivot = step_to_minimizer(
                 rows, room, z, r0, r1, nW, nB, rW, c0, tol, work, step, gradient, size
             )
             size += sought  # the rounding error of what the step is after counts like that of x
@@ -344,6 +352,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
             nW = compress(room.W, nW, rows)
         if last:
             break
+        smallest = min(smallest, pivot)
         entered = nW
         nW, held, nF, more = settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict)
         contradicting += more
@@ -369,4 +378,6 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
         c0 += rW + rank
     if not finite(x):
         return NOT_FINITE, iterations
-    return INFEASIBLE if contradicting else SOLVED, iterations
+    if contradicting:
+        return INFEASIBLE, iterations
+    return DELICATE if smallest < 1e-6 else SOLVED, iterations
