@@ -15,7 +15,7 @@ PYTEST_ARGS ?=
 .DELETE_ON_ERROR:
 SHELL := /bin/sh
 
-.PHONY: help setup report quick test coverage check format lint imports types api-types clean distclean
+.PHONY: help setup kernels report quick test coverage check format lint imports types api-types clean distclean
 
 help:
 	@echo "make report   compare every solver on every scenario and write $(REPORT)/ (sets up $(VENV) when it is missing)"
@@ -26,11 +26,20 @@ help:
 	@echo "make setup    set up $(VENV), and bring it up to date when pyproject.toml or constraints.txt changed"
 	@echo "make clean    remove reports, caches and build output;  make distclean  also removes $(VENV)"
 
-report: setup
+# The last part of the set-up of a comparison: machine code for the line-up, kept until a kernel's source changes.
+KERNELS_FROM = cat hqp_rp/core/kernels/*.py | cksum
+kernels: setup
+	@if [ "$$(cat $(VENV)/.kernels 2>/dev/null)" != "$$($(KERNELS_FROM))" ]; then \
+	  echo "Compiling the kernels, once: a minute or two ..."; \
+	  $(BIN)/python -c 'from hqp_rp.compare.contestants import default_contestants as line_up; from hqp_rp.compare.run import warm_up; warm_up(c.solver for c in line_up(limits=False))' && \
+	  $(KERNELS_FROM) >$(VENV)/.kernels; \
+	fi
+
+report: kernels
 	$(BIN)/hqp-rp compare --output $(REPORT) --overwrite
 	@echo "The report is $(CURDIR)/$(REPORT)/report.html"
 
-quick: setup
+quick: kernels
 	$(BIN)/hqp-rp compare --quick --output $(REPORT) --overwrite
 	@echo "The report is $(CURDIR)/$(REPORT)/report.html"
 

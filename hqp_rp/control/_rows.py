@@ -88,7 +88,6 @@ def stack_rows(
     )
     if not sound:
         _refuse_unsound(items, matrices, lowers, uppers, where)
-    matrix.flags.writeable = lower.flags.writeable = upper.flags.writeable = False
     return (matrix, lower, upper), counts
 
 

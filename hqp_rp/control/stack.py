@@ -133,11 +133,12 @@ class Stack:
         if counts != self._counts:
             ends = np.cumsum([0, *counts])
             self._offsets = np.array([0, *ends[self._ends]], dtype=np.int64)
-            self._offsets.flags.writeable = False
             self._counts = counts
         hard = None
         if self._hard:
             rows, _ = stack_rows(self._hard, robot, dt, v, True, self._where)
+            for array in rows:
+                array.flags.writeable = False
             hard = Level._view(*rows, "limits")
         return Problem.from_stacked(matrix, lower, upper, self._offsets, names=self._names, hard=hard, check=False)
 

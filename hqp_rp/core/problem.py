@@ -148,7 +148,7 @@ class Problem:
         upper = lower if equality else np.concatenate([level.upper for level in levels])
         matrix = np.ascontiguousarray(np.concatenate([level.A for level in levels], axis=0))
         names = tuple(level.name or f"level {k + 1}" for k, level in enumerate(levels))
-        self._fill((matrix, lower, upper, offsets), names, hard, equality, read_only=True)
+        self._fill((matrix, lower, upper, offsets), names, hard, equality)
 
     @classmethod
     def from_stacked(
@@ -165,8 +165,9 @@ class Problem:
         """The same problem from stacked arrays: matrix (M, n), lower, upper (M,), offsets (p + 1,).
 
         With `check=False`, the fast path of a control loop: nothing is copied or checked, so the arrays must be
-        C-contiguous float64 (offsets int64), must satisfy what `Level` demands, and must not be written to while the
-        problem is in use. Pass the same array as `lower` and `upper` for a pure equality problem.
+        C-contiguous float64 (offsets int64) and writable (for read-only ones every kernel is compiled anew), must satisfy
+        what `Level` demands, and must not be written to while the problem is in use. Pass the same array as `lower` and
+        `upper` for a pure equality problem.
         """
         if check:
             return cls(_split(matrix, lower, upper, offsets, names), hard)
@@ -174,7 +175,7 @@ class Problem:
         if names is None:
             names = [f"level {k + 1}" for k in range(len(offsets) - 1)]
         equality = lower is upper or bool((lower == upper).all())
-        problem._fill((matrix, lower, upper, offsets), tuple(names), hard, equality, read_only=False)
+        problem._fill((matrix, lower, upper, offsets), tuple(names), hard, equality)
         return problem
 
     def _fill(
@@ -183,10 +184,8 @@ class Problem:
         names: tuple[str, ...],
         hard: Level | None,
         equality: bool,
-        *,
-        read_only: bool,
     ) -> None:
-        public = tuple(_frozen(array.view()) for array in stacked) if read_only else stacked
+        public = tuple(_frozen(array.view()) for array in stacked)
         set_ = object.__setattr__
         set_(self, "stacked", stacked)
         for name, array in zip(("matrix", "lower", "upper", "offsets"), public, strict=True):

@@ -84,7 +84,9 @@ def test_stacked_round_trip(seed: int, rows: list[int]) -> None:
 def test_fast_path_copies_nothing() -> None:
     matrix, b, offsets = np.eye(3), np.ones(3), np.array([0, 1, 3])
     problem = Problem.from_stacked(matrix, b, b, offsets, check=False)
-    assert problem.matrix is matrix
+    assert problem.stacked[0] is matrix
+    assert np.shares_memory(problem.matrix, matrix)
+    assert not problem.matrix.flags.writeable
     assert problem.lower is problem.upper
     assert problem.is_equality
     assert problem.names == ("level 1", "level 2")
