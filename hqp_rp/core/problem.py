@@ -185,7 +185,8 @@ class Problem:
         hard: Level | None,
         equality: bool,
     ) -> None:
-        public = tuple(_frozen(array.view()) for array in stacked)
+        matrix, lower, upper, offsets = (_frozen(array.view()) for array in stacked)
+        public = (matrix, lower, lower if stacked[2] is stacked[1] else upper, offsets)
         set_ = object.__setattr__
         set_(self, "stacked", stacked)
         for name, array in zip(("matrix", "lower", "upper", "offsets"), public, strict=True):
