@@ -2,9 +2,14 @@
 
 Level k minimizes the squared violation of its rows over the points that keep what earlier levels reached. Its working set
 holds kept rows at their bounds (W, equalities of a step) and its own rows that count (B: equalities and violated rows, the
-least squares of a step). Each step factors [W; B] afresh by orthogonal transformations, moves until a row blocks, and ends
-when every multiplier has its sign. Rows that are then determined (equalities, violated rows, rows held by a multiplier)
-leave for good together with the directions they determine; satisfied rows are kept as rows.
+least squares of a step). Each step factors [W; B] afresh by orthogonal transformations. Rows that are then determined
+(equalities, violated rows, rows held by a multiplier) leave for good together with the directions they determine; satisfied
+rows are kept as rows.
+
+The search of a level starts with block pivots: every row that the whole step would violate enters, every row whose
+multiplier has the wrong sign leaves, nothing moves until the working set allows it. That mostly ends after a few
+factorizations, and where it ends it has found the optimum. Where it does not, the primal search takes over from the last
+point that kept every bound: it moves until a row blocks, one row at a time, and cannot cycle.
 """
 
 from __future__ import annotations
@@ -15,21 +20,44 @@ from typing import NamedTuple
 import numpy as np
 
 from hqp_rp.core.kernels.cascade import finite, solve_level
-from hqp_rp.core.kernels.compile import kernel
-from hqp_rp.core.kernels.orthogonal import EPS, factor, lq, turn_back, turn_forward
+from hqp_rp.core.kernels.compile import inlined, kernel
+from hqp_rp.core.kernels.orthogonal import (
+    EPS,
+    lq,
+    spectral,
+    triangle,
+    turn_back,
+    turn_back_by,
+    turn_by_svd,
+    turn_forward,
+    turn_vector,
+)
 from hqp_rp.core.kernels.rows import (
+    BEFORE,
+    CHANGE,
     FIXED,
+    GUESS,
     KEPT,
+    LOW,
+    NORM,
+    STATE,
+    UP,
+    VALUE,
+    WORKING,
+    Rows,
     activate,
     bound_of,
     compress,
     first_to_block,
     gather,
     gather_unit,
+    level_norm,
     load_rows,
     miss,
-    move,
     release,
+    set_length,
+    set_values,
+    try_step,
     turn_rows,
 )
 
@@ -39,224 +67,534 @@ INFEASIBLE = 2
 NOT_FINITE = 3
 DELICATE = 4  # solved, but a level was kept by a pivot so small that multipliers near rounding error decided
 
+BLOCK_PIVOTS = 10
+"""Block pivots tried in a level before the primal search takes over."""
+
+ENTERED, COUNTED, REF_ROW, REF_COL, DONE_COL = range(5)
+ORIGIN, TARGET, MULTIPLIER, REF_TAU, STEP, GRADIENT, DONE_TAU, MOVE = range(8)
+FIRST, END, TURNED_AT, TURNED = range(4)
+
 
 class Room(NamedTuple):
-    """Arrays that every step of a search writes anew: lists of rows, the matrix to be factored, its reflectors.
+    """Arrays that a search writes anew, few for the reason given in `Rows`.
 
-    W: kept rows in the working set. B: rows of the level that count. F: rows that a finished level determined. others: the
-    rest. matrix: flat. origin: which listed row stands where after the factorization's swaps. target, multiplier: one for
-    each row. ref_row, ref_col, ref_tau: the reflectors. step, gradient: (n,).
+    matrix: the kept rows W of the working set, then the rows B of the level that count; factored.
+    done (n, n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END` and the
+    column `TURNED_AT` at which its `TURNED` columns were turned by an SVD.
+    lists (5, .): `ENTERED` is W; `COUNTED` is B, or in the end the rows that a level determined; `REF_ROW`, `REF_COL` of the
+    reflectors in `matrix`; `DONE_COL` of those in `done`.
+    real (8, .): `ORIGIN`, which listed row stands where after the factorization's swaps; `TARGET` of each row of B;
+    `MULTIPLIER` of each row of W; `REF_TAU`, `DONE_TAU`; vectors `STEP`, `GRADIENT` and `MOVE` (n,).
     """
 
-    W: np.ndarray
-    B: np.ndarray
-    F: np.ndarray
-    others: np.ndarray
     matrix: np.ndarray
-    origin: np.ndarray
-    target: np.ndarray
-    multiplier: np.ndarray
-    ref_row: np.ndarray
-    ref_col: np.ndarray
-    ref_tau: np.ndarray
-    step: np.ndarray
-    gradient: np.ndarray
+    done: np.ndarray
+    marks: np.ndarray
+    lists: np.ndarray
+    real: np.ndarray
 
 
 @kernel
-def make_room(M, n):
-    """Room for a search over M rows and n unknowns."""
+def make_room(n, p, largest):
+    """Room for levels of up to `largest` rows."""
+    size = n + largest + 1
     return Room(
-        np.empty(n + 1, np.int64),
-        np.empty(M, np.int64),
-        np.empty(M, np.int64),
-        np.empty(M + n, np.int64),
-        np.empty((M + n) * n),
-        np.empty(M + n),
-        np.empty(M + n),
-        np.empty(M + n),
-        np.empty(M + n, np.int64),
-        np.empty(M + n, np.int64),
-        np.empty(M + n),
-        np.empty(n),
-        np.empty(n),
+        np.empty((size, n)),
+        np.empty((n, n)),
+        np.zeros((p + 1, 4), np.int64),
+        np.empty((5, size), np.int64),
+        np.empty((8, size)),
     )
 
 
 @kernel
-def enter_level(rows, room, guess, r0, r1, nW, most):
-    """Working set to start a level with: what is violated or guessed of its rows, and the kept rows that are guessed.
-
-    Returns (size of W, whether a kept row was guessed that need not be at its bound).
-    """
-    for i in range(r0, r1):
-        if rows.low[i] == rows.up[i] or rows.value[i] > rows.up[i] or (guess[i] > 0 and rows.up[i] < np.inf):
-            activate(rows, i, 1)
-        elif rows.value[i] < rows.low[i] or (guess[i] < 0 and rows.low[i] > -np.inf):
-            activate(rows, i, -1)
-    hoped = False
-    for i in range(r0):
-        if rows.state[i] != KEPT or rows.working[i] or guess[i] == 0 or nW >= most:
-            continue
-        if abs(rows.up[i] if guess[i] > 0 else rows.low[i]) < np.inf:
-            activate(rows, i, guess[i])
-            room.W[nW] = i
-            nW += 1
-            hoped = True
-    return nW, hoped
+def from_free(room, turns, levels, step, move):
+    """move (n,) <- Z step: a step in the freedom that `levels` finished levels left, as a step of x."""
+    n = len(room.done)
+    for j in range(n):
+        move[j] = step[j]
+    for k in range(levels - 1, -1, -1):
+        if room.marks[k, TURNED]:
+            turn_back_by(turns[k], room.marks[k, TURNED], move, room.marks[k, TURNED_AT])
+        for t in range(room.marks[k, END] - 1, room.marks[k, FIRST] - 1, -1):
+            turn_vector(move, room.done, t, room.lists[DONE_COL, t], n, room.real[DONE_TAU, t])
 
 
 @kernel
-def step_to_minimizer(rows, room, z, r0, r1, nW, nB, rW, c0, tol, work, step, gradient, size):
-    """Complete the factorization of [W; B] and fill `step` (d,), which leads to the minimizer over the working set.
+def to_free(room, turns, levels, step):
+    """step <- the coordinates of a step of x, those of the freedom that `levels` finished levels left standing last."""
+    n = len(room.done)
+    for k in range(levels):
+        for t in range(room.marks[k, FIRST], room.marks[k, END]):
+            turn_vector(step, room.done, t, room.lists[DONE_COL, t], n, room.real[DONE_TAU, t])
+        r = room.marks[k, TURNED]
+        if r:
+            turn_back_by(turns[k, :r, :r].T.copy(), r, step, room.marks[k, TURNED_AT])
 
-    W (the first nW rows of `work`) is factored already, rW = nW. With r0 = r1 = M, after the last level, what is minimized
-    is ||x - z||. `gradient` (rW,) then is its gradient along W. Returns (reflectors, rank, V, what the step is after as a
-    length, smallest pivot of the kept rank).
+
+@kernel
+def keep_turns(room, turns, k, reflectors, V, v0):
+    """Remember what level k turned; returns `turns`, allocated when the first level needs it."""
+    n = len(room.done)
+    first = room.marks[k - 1, END] if k else 0
+    room.marks[k, FIRST] = first
+    room.marks[k, END] = first + reflectors
+    for t in range(reflectors):
+        column = room.lists[REF_COL, t]
+        room.lists[DONE_COL, first + t] = column
+        room.real[DONE_TAU, first + t] = room.real[REF_TAU, t]
+        row = room.lists[REF_ROW, t]
+        for j in range(column + 1, n):
+            room.done[first + t, j] = room.matrix[row, j]
+    r = len(V)
+    room.marks[k, TURNED] = r
+    room.marks[k, TURNED_AT] = v0
+    if r:
+        if turns.shape[1] == 0:
+            turns = np.empty((len(room.marks), n, n))
+        turns[k, :r, :r] = V
+    return turns
+
+
+@inlined
+def length_of(x):
+    """||x||."""
+    s = 0.0
+    for value in x:
+        s += value * value
+    return math.sqrt(s)
+
+
+@kernel
+def start_from_values(rows, room, r0, r1, nW, size):
+    """Working set of the point where the search stands: rows of the level that it violates, of W those at their bounds."""
+    for i in range(r0, r1):
+        value = rows.real[VALUE, i]
+        if rows.real[LOW, i] == rows.real[UP, i] or value > rows.real[UP, i]:
+            activate(rows, i, 1)
+        elif value < rows.real[LOW, i]:
+            activate(rows, i, -1)
+        else:
+            release(rows, i)
+    listed = room.lists[ENTERED]
+    for i in range(nW):
+        if miss(rows, size, listed[i]) != 0.0:
+            release(rows, listed[i])
+    return compress(listed, nW, rows)
+
+
+@kernel
+def enter_level(rows, room, r0, r1, nW, most):
+    """Working set to start a level with: what is violated or guessed of its rows, and the kept rows that are guessed."""
+    for i in range(r0, r1):
+        low, up, value, guess = rows.real[LOW, i], rows.real[UP, i], rows.real[VALUE, i], rows.flags[GUESS, i]
+        if low == up or value > up or (guess > 0 and up < np.inf):
+            activate(rows, i, 1)
+        elif value < low or (guess < 0 and low > -np.inf):
+            activate(rows, i, -1)
+    for i in range(r0):
+        guess = rows.flags[GUESS, i]
+        if guess == 0 or rows.flags[STATE, i] != KEPT or rows.flags[WORKING, i] or nW >= most:
+            continue
+        if abs(rows.real[UP, i] if guess > 0 else rows.real[LOW, i]) < np.inf:
+            activate(rows, i, guess)
+            room.lists[ENTERED, nW] = i
+            nW += 1
+    return nW
+
+
+@kernel
+def factor_working_set(rows, room, r0, r1, nW, c0, depends):
+    """Gather W and B and factor W; rows of W that depend on others of it leave it.
+
+    Returns (rows of W in the matrix, rows of W, rows of B).
     """
-    M = len(rows.value)
-    last = r0 == M
-    d = len(step)
-    empty = np.empty((0, 0))
+    nB = 0
+    listed = room.lists[COUNTED]
+    for i in range(r0, r1):
+        if rows.flags[WORKING, i]:
+            listed[nB] = i
+            nB += 1
+    work = room.matrix
+    entered = room.lists[ENTERED]
+    origin = room.real[ORIGIN]
+    for i in range(nW):
+        gather_unit(rows, entered[i], c0, work, i)
+    for i in range(nB):
+        gather(rows, listed[i], c0, work, nW + i)
+    for i in range(nW + nB):
+        origin[i] = i
+    if nW == 0:
+        return 0, 0, nB
+    rW = lq(
+        work, 0, nW, c0, nW + nB, origin, depends, 0, room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU]
+    )  # fmt: skip
+    if rW < nW:
+        for i in range(rW, nW):
+            release(rows, entered[int(origin[i])])
+        for i in range(rW):
+            room.lists[REF_ROW, rW + i] = entered[int(origin[i])]
+        for i in range(rW):
+            entered[i] = room.lists[REF_ROW, rW + i]
+            origin[i] = i
+    return nW, rW, nB
+
+
+@kernel
+def factor_level(room, A, scale, norm, r0, r1, top, count, c0, rW, tol):
+    """Factor `count` rows of a level, at `top` in the matrix, in the freedom behind column c0 + rW; as `orthogonal.factor`."""
+    work = room.matrix
+    row, col, tau = room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU]
+    r, proven = triangle(work, top, top + count, c0 + rW, top + count, room.real[ORIGIN], norm, tol, rW, row, col, tau)
+    if r == 0 or proven:
+        empty = np.empty((0, 0))
+        return r, r, empty, empty, np.empty(0)
+    zero = tol * scale * spectral(A, r0, r1)
+    rank, V, U, S = turn_by_svd(work, top, top + count, c0 + rW, top + count, r, zero)
+    return r, rank, V, U, S
+
+
+@kernel
+def step_to_minimizer(rows, room, turns, levels, A, scale, z, r0, r1, last, top, rW, nB, c0, tol, size):
+    """Fill `STEP`, which leads to the minimizer over the working set, from the factored W; factor B.
+
+    In the `last` level, what is minimized is ||x - z||; `GRADIENT` then is its gradient along W. Returns (reflectors, rank,
+    V, what the step is after as a length, smallest pivot of the kept rank).
+    """
+    n = len(room.done)
+    work = room.matrix
+    origin = room.real[ORIGIN]
+    step = room.real[STEP]
+    for j in range(n):
+        step[j] = 0.0
     sought = 0.0
+    row, col, tau = room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU]
     if last:
-        for j in range(d):
-            s = 0.0
-            for i in range(len(rows.x)):
-                s += rows.R[M + i, c0 + j] * (z[i] - rows.x[i])
-            step[j] = s
-            sought += abs(s)
-        turn_forward(work, step, 0, rW, room.ref_row, room.ref_col, room.ref_tau)
+        for j in range(n):
+            step[j] = z[j] - rows.x[j]
+        to_free(room, turns, levels, step)
+        for j in range(c0):
+            step[j] = 0.0
+        for j in range(c0, n):
+            sought += abs(step[j])
+        turn_forward(work, step, 0, rW, row, col, tau)
         for j in range(rW):
-            gradient[j] = -step[j]
+            room.real[GRADIENT, j] = -step[c0 + j]
     for i in range(rW):  # rows of W go (back) to their bounds
-        row = room.W[int(room.origin[i])]
-        s = -miss(rows, size, row) / rows.norms[row]
+        kept = room.lists[ENTERED, int(origin[i])]
+        s = -miss(rows, size, kept) / rows.real[NORM, kept]
         for j in range(i):
-            s -= work[i, j] * step[j]
-        step[i] = s / work[i, i]
+            s -= work[i, c0 + j] * step[c0 + j]
+        step[c0 + i] = s / work[i, c0 + i]
+    empty = np.empty((0, 0))
     r = 0
     rank = 0
     V = empty
     pivot = np.inf
-    if not last:
-        r, rank, V, U, S = factor(
-            work, nW, nW + nB, rW, nW + nB, room.origin, rows.loaded, r0, r1, 1.0, tol, False, rW,
-            room.ref_row, room.ref_col, room.ref_tau,
-        )  # fmt: skip
+    if nB:
+        r, rank, V, U, S = factor_level(room, A, scale, level_norm(rows, r0, r1), r0, r1, top, nB, c0, rW, tol)
         for i in range(rank):
-            pivot = min(pivot, S[i] if len(S) else abs(work[nW + i, rW + i]))
+            pivot = min(pivot, S[i] if len(S) else abs(work[top + i, c0 + rW + i]))
         if rank < r:  # a direction was cut by the rank rule
             pivot = 0.0
+        target = room.real[TARGET]
         for i in range(nB):
-            row = room.B[int(room.origin[nW + i]) - nW]
-            s = bound_of(rows, row) - rows.value[row]
+            own = room.lists[COUNTED, int(origin[top + i]) - top]
+            s = bound_of(rows, own) - rows.real[VALUE, own]
             sought = max(sought, abs(s))
-            for j in range(rW):
-                s -= work[nW + i, j] * step[j]
-            room.target[i] = s
-        solve_level(work, nW, nW + nB, rW, r, rank, U, S, room.target, 0.0, 1.0, 0, 0.0, 0.0, step)
-        turn_back(work, step, rW, V, rW, rW + r, room.ref_row, room.ref_col, room.ref_tau)
-    turn_back(work, step, 0, empty, 0, rW, room.ref_row, room.ref_col, room.ref_tau)
+            for j in range(c0, c0 + rW):
+                s -= work[top + i, j] * step[j]
+            target[i] = s
+        solve_level(work, top, top + nB, c0 + rW, r, rank, U, S, target, 0.0, 1.0, 0, 0.0, 0.0, step)
+        turn_back(work, step, c0 + rW, V, rW, rW + r, row, col, tau)
+    turn_back(work, step, 0, empty, 0, rW, row, col, tau)
     return r, rank, V, sought, pivot
 
 
 @kernel
-def worse(wrong, row, worst_size, worst, bland):
-    """Whether this row should leave rather than the worst so far: the larger multiplier, or by Bland's rule the first row."""
-    return worst < 0 or (row < worst if bland else wrong > worst_size)
+def multipliers(rows, room, top, nW, nB, c0, last, size):
+    """Fill `MULTIPLIER` of W from L^T multiplier = -gradient; returns the largest miss of B, or in the last level ||gradient||.
 
-
-@kernel
-def row_to_leave(rows, room, nW, nB, rW, work, gradient, last, size, bland):
-    """(row, residual): the row whose multiplier is most wrong at the minimizer over the working set, or -1 at the optimum.
-
-    A row of the level has its own miss as multiplier; those of W follow from L^T multiplier = -gradient.
+    A row of the level has its own miss as multiplier.
     """
-    worst = -1
-    worst_size = 0.0
+    work = room.matrix
+    origin = room.real[ORIGIN]
+    gradient = room.real[GRADIENT]
+    found = room.real[MULTIPLIER]
     residual = 0.0
     for i in range(nB):
-        row = room.B[i]
-        w = miss(rows, size, row)
-        residual = max(residual, abs(w))
-        wrong = -w * rows.side[row] if rows.low[row] < rows.up[row] else 0.0
-        if wrong > 0.0 and worse(wrong, row, worst_size, worst, bland):
-            worst_size, worst = wrong, row
+        residual = max(residual, abs(miss(rows, size, room.lists[COUNTED, i])))
     for i in range(nW):
-        room.multiplier[i] = 0.0
-    if last and rW > 0:
-        residual = math.sqrt(np.sum(gradient * gradient))
-    if rW == 0 or residual == 0.0:
-        return worst, residual
+        found[i] = 0.0
+    if last:
+        residual = length_of(gradient[:nW])
+    if nW == 0 or residual == 0.0:
+        return residual
     if not last:
+        for j in range(nW):
+            gradient[j] = 0.0
         for i in range(nB):
-            w = miss(rows, size, room.B[int(room.origin[nW + i]) - nW])
-            for j in range(rW):
-                gradient[j] += w * work[nW + i, j]
-    for i in range(rW - 1, -1, -1):
+            w = miss(rows, size, room.lists[COUNTED, int(origin[top + i]) - top])
+            for j in range(nW):
+                gradient[j] += w * work[top + i, c0 + j]
+    for i in range(nW - 1, -1, -1):
         s = -gradient[i]
-        for j in range(i + 1, rW):
-            s -= work[j, i] * room.multiplier[int(room.origin[j])]
-        room.multiplier[int(room.origin[i])] = s / work[i, i]
-    for i in range(nW):
-        row = room.W[i]
-        wrong = -room.multiplier[i] * rows.side[row]
-        if wrong > 1e-13 * max(residual, EPS * size) and worse(wrong, row, worst_size, worst, bland):
-            worst_size, worst = wrong, row
-    return worst, residual
+        for j in range(i + 1, nW):
+            s -= work[j, c0 + i] * found[int(origin[j])]
+        found[int(origin[i])] = s / work[i, c0 + i]
+    return residual
+
+
+@inlined
+def wrong_of_level(rows, row, size):
+    """How far inside its bounds a counted row of the level is, > 0 when it should not count."""
+    inside = -miss(rows, size, row) * rows.side[row]
+    return inside if rows.real[LOW, row] < rows.real[UP, row] else 0.0
+
+
+@inlined
+def wrong_of_kept(rows, room, i, floor):
+    """The multiplier of row i of W where it has the wrong sign and is above rounding error, else 0."""
+    wrong = -room.real[MULTIPLIER, i] * rows.side[room.lists[ENTERED, i]]
+    return wrong if wrong > floor else 0.0
 
 
 @kernel
-def leave(rows, worst):
+def leave(rows, row):
     """Release a row, or turn it to its other bound when a step carried it across a narrow band."""
-    if rows.state[worst] != KEPT and rows.value[worst] < rows.low[worst]:
-        rows.side[worst] = -1
-    elif rows.state[worst] != KEPT and rows.value[worst] > rows.up[worst]:
-        rows.side[worst] = 1
+    if rows.flags[STATE, row] != KEPT and rows.real[VALUE, row] < rows.real[LOW, row]:
+        rows.side[row] = -1
+    elif rows.flags[STATE, row] != KEPT and rows.real[VALUE, row] > rows.real[UP, row]:
+        rows.side[row] = 1
     else:
-        release(rows, worst)
+        release(rows, row)
+
+
+@kernel
+def row_to_leave(rows, room, nW, nB, residual, size, bland):
+    """The row whose multiplier is most wrong, by Bland's rule the first such row; -1 at the optimum."""
+    worst = -1
+    largest = 0.0
+    for i in range(nB):
+        row = room.lists[COUNTED, i]
+        wrong = wrong_of_level(rows, row, size)
+        if wrong > 0.0 and (worst < 0 or (row < worst if bland else wrong > largest)):
+            largest, worst = wrong, row
+    if residual > 0.0:
+        floor = 1e-13 * max(residual, EPS * size)
+        for i in range(nW):
+            row = room.lists[ENTERED, i]
+            wrong = wrong_of_kept(rows, room, i, floor)
+            if wrong > 0.0 and (worst < 0 or (row < worst if bland else wrong > largest)):
+                largest, worst = wrong, row
+    return worst
+
+
+@kernel
+def pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends):
+    """Every row whose multiplier is wrong leaves, every row that the step's end violates enters.
+
+    Returns (rows of W, rows that left, rows that entered or wanted to).
+    """
+    left = 0
+    for i in range(nB):
+        row = room.lists[COUNTED, i]
+        if wrong_of_level(rows, row, size) > 0.0:
+            leave(rows, row)
+            left += 1
+    entered = room.lists[ENTERED]
+    count = nW
+    if residual > 0.0:
+        floor = 1e-13 * max(residual, EPS * size)
+        for i in range(nW):
+            if wrong_of_kept(rows, room, i, floor) > 0.0:
+                release(rows, entered[i])
+                left += 1
+        if left:
+            count = compress(entered, nW, rows)
+    crossed = 0
+    for i in range(end):
+        own = i >= r0
+        if rows.flags[WORKING, i] or not (own or rows.flags[STATE, i] == KEPT):
+            continue
+        value = rows.real[VALUE, i]
+        above = value - rows.real[UP, i]
+        below = rows.real[LOW, i] - value
+        over = max(above, below)
+        if over <= 0.0:
+            continue
+        bound = rows.real[UP, i] if above > 0.0 else rows.real[LOW, i]
+        norm = rows.real[NORM, i]
+        if over <= 64.0 * EPS * (norm * size + abs(bound)):
+            continue
+        if not own and abs(rows.real[CHANGE, i]) <= 2.0 * depends * norm * span:
+            continue  # it depends on W, as its factorization sees it
+        if own:
+            crossed += 1
+            activate(rows, i, 1 if above > 0.0 else -1)
+        else:
+            crossed += 1
+            if count < most:
+                activate(rows, i, 1 if above > 0.0 else -1)
+                entered[count] = i
+                count += 1
+    return count, left, crossed
+
+
+@kernel
+def still(rows, end, r0):
+    """The change of a step that is rounding error: none."""
+    for i in range(end):
+        if i >= r0 or rows.flags[STATE, i] == KEPT:
+            rows.real[CHANGE, i] = 0.0
+            rows.real[BEFORE, i] = rows.real[VALUE, i]
+
+
+@inlined
+def move(rows, room, turns, levels, length):
+    """x += length * Z step; False when x is not finite."""
+    changed = room.real[MOVE]
+    from_free(room, turns, levels, room.real[STEP], changed)
+    finite = True
+    for j in range(len(rows.x)):
+        rows.x[j] += length * changed[j]
+        if not abs(rows.x[j]) < np.inf:
+            finite = False
+    return finite
+
+
+@kernel
+def search_level(rows, room, turns, levels, A, scale, z, r0, r1, last, nW, c0, tol, depends, allowed):
+    """Minimize one level. Returns (code, iterations, rows of W, of B, reflectors, rank, V, residual, pivot, size)."""
+    n = len(room.done)
+    end = r1
+    most = n - c0
+    blocks = BLOCK_PIVOTS
+    bland = False
+    idle = 0
+    iterations = 0
+    entered = room.lists[ENTERED]
+    while True:
+        iterations += 1
+        top, nW, nB = factor_working_set(rows, room, r0, r1, nW, c0, depends)
+        size = length_of(rows.x)
+        r, rank, V, sought, pivot = step_to_minimizer(
+            rows, room, turns, levels, A, scale, z, r0, r1, last, top, nW, nB, c0, tol, size
+        )
+        if iterations > allowed:
+            return LIMIT, iterations, nW, nB, r, rank, V, 0.0, pivot, size
+        size += sought  # the rounding error of what the step is after counts like that of x
+        span = length_of(room.real[STEP, :n])
+        moves = span > 4.0 * EPS * size  # else the step is rounding error
+        if moves:
+            try_step(rows, end, r0, c0, room.real[STEP])
+        else:
+            still(rows, end, r0)
+        if blocks > 0:
+            blocks -= 1
+            set_length(rows, end, r0, 1.0)
+            residual = multipliers(rows, room, top, nW, nB, c0, last, size)
+            before = nW
+            nW, left, crossed = pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends)
+            if crossed == 0:
+                if moves and not move(rows, room, turns, levels, 1.0):
+                    return NOT_FINITE, iterations, nW, nB, r, rank, V, residual, pivot, size
+                if left == 0:
+                    return SOLVED, iterations, before, nB, r, rank, V, residual, pivot, size
+            else:
+                set_length(rows, end, r0, 0.0)
+            if blocks == 0:
+                nW = start_from_values(rows, room, r0, r1, nW, length_of(rows.x))
+            continue
+        length, blocking, which = 1.0, -1, 0
+        if moves:
+            length, blocking, which = first_to_block(rows, end, r0, span, 1e-12 * size if bland else 0.0, depends)
+            set_length(rows, end, r0, length)
+            if not move(rows, room, turns, levels, length):
+                return NOT_FINITE, iterations, nW, nB, r, rank, V, 0.0, pivot, size
+        size = length_of(rows.x) + sought
+        idle = idle + 1 if length * span <= 1e-13 * size else 0
+        bland = idle > n
+        if blocking >= 0:
+            activate(rows, blocking, which)
+            if rows.flags[STATE, blocking] == KEPT:
+                entered[nW] = blocking
+                nW += 1
+            continue
+        residual = multipliers(rows, room, top, nW, nB, c0, last, size)
+        worst = row_to_leave(rows, room, nW, nB, residual, size, bland)
+        if worst < 0:
+            return SOLVED, iterations, nW, nB, r, rank, V, residual, pivot, size
+        leave(rows, worst)
+        nW = compress(entered, nW, rows)
 
 
 @kernel
 def settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict):
-    """Sort the rows of a finished level into those it determined (F, rows of W held by a multiplier first) and kept ones.
+    """Sort the rows of a finished level into those it determined (rows of W held by a multiplier first) and kept ones.
 
-    Returns (size of W, rows of W in F, size of F, contradicting hard rows).
+    The former are listed in `COUNTED`. Returns (size of W, rows of W determined, rows determined, contradicting hard rows).
     """
-    nF = 0
-    still = 0
+    entered = room.lists[ENTERED]
+    determined = room.lists[COUNTED]
+    count = 0
+    still_in = 0
     for i in range(nW):
-        if residual > 0.0 and room.multiplier[i] * rows.side[room.W[i]] > 1e-13 * residual:
-            room.F[nF] = room.W[i]
-            nF += 1
+        row = entered[i]
+        if residual > 0.0 and room.real[MULTIPLIER, i] * rows.side[row] > 1e-13 * residual:
+            determined[count] = row
+            count += 1
         else:
-            room.W[still] = room.W[i]
-            still += 1
-    nW = still
-    held = nF
+            entered[still_in] = row
+            still_in += 1
+    nW = still_in
+    held = count
     contradicting = 0
     for i in range(r0, r1):
-        w = miss(rows, size, i) if rows.working[i] else 0.0
-        if rows.working[i] and (rows.low[i] == rows.up[i] or w != 0.0):
-            room.F[nF] = i
-            nF += 1
+        working = rows.flags[WORKING, i] != 0
+        w = miss(rows, size, i) if working else 0.0
+        if working and (rows.real[LOW, i] == rows.real[UP, i] or w != 0.0):
+            determined[count] = i
+            count += 1
         else:
-            rows.state[i] = KEPT
-            rows.low[i] = min(rows.low[i], rows.value[i])
-            rows.up[i] = max(rows.up[i], rows.value[i])
-            if rows.working[i] and nW < len(rows.x):
-                room.W[nW] = i
+            rows.flags[STATE, i] = KEPT
+            rows.real[LOW, i] = min(rows.real[LOW, i], rows.real[VALUE, i])
+            rows.real[UP, i] = max(rows.real[UP, i], rows.real[VALUE, i])
+            if working and nW < len(rows.x):
+                entered[nW] = i
                 nW += 1
-            elif rows.working[i]:
+            elif working:
                 release(rows, i)
         if i < hard_rows and w != 0.0:
             conflict[i] = 1
-            if abs(w) > 1e-9 * (rows.norms[i] * (size + 1.0) + abs(bound_of(rows, i))):
+            if abs(w) > 1e-9 * (rows.real[NORM, i] * (size + 1.0) + abs(bound_of(rows, i))):
                 contradicting += 1
-    for i in range(nF):
-        rows.state[room.F[i]] = FIXED
-    return nW, held, nF, contradicting
+    for i in range(count):
+        rows.flags[STATE, determined[i]] = FIXED
+    return nW, held, count, contradicting
+
+
+@kernel
+def factor_determined(rows, room, A, scale, r0, r1, held, count, c0, tol, depends):
+    """Factor what a level determined, where that is not the working set of its last step. As `factor_level`, with rows of W."""
+    listed = room.lists[COUNTED]
+    origin = room.real[ORIGIN]
+    for i in range(held):
+        gather_unit(rows, listed[i], c0, room.matrix, i)
+    for i in range(held, count):
+        gather(rows, listed[i], c0, room.matrix, i)
+    for i in range(count):
+        origin[i] = i
+    rW = 0
+    if held:
+        rW = lq(
+            room.matrix, 0, held, c0, count, origin, depends, 0,
+            room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU],
+        )  # fmt: skip
+    r, rank, V, _, _ = factor_level(
+        room, A, scale, level_norm(rows, r0, r1), r0, r1, held, count - held, c0, rW, tol
+    )  # fmt: skip
+    return rW, r, rank, V
 
 
 @kernel
@@ -270,17 +608,22 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
     """
     M, n = A.shape
     p = len(offsets) - 1
-    guess = side.copy()
-    rows, all_finite = load_rows(A, lower, upper, offsets, side, x)
-    if not all_finite:
+    rows = Rows(np.empty((M, n)), np.empty((6, M)), np.empty((3, M), np.int64), side, x)
+    scale = np.empty(p + 1)
+    if not load_rows(A, lower, upper, offsets, rows, scale):
         return NOT_FINITE, 0
-    room = make_room(M, n)
+    largest = 0
+    for k in range(p):
+        largest = max(largest, offsets[k + 1] - offsets[k])
+    room = make_room(n, p, largest)
+    turns = np.empty((1, 0, 0))
     depends = max(tol, 1e-12)  # a kept row whose free part is smaller than this depends on the working set
     iterations = 0
     contradicting = 0
     smallest = np.inf
     nW = 0
     c0 = 0
+    scale[p] = 1.0
     for k in range(p + 1):
         last = k == p
         r0 = offsets[k] if not last else M
@@ -288,93 +631,35 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
         if c0 == n:
             break
         if r0 == r1 and not last:
+            keep_turns(room, turns, k, 0, np.empty((0, 0)), c0)
             continue
-        nW, hoped = enter_level(rows, room, guess, r0, r1, nW, n - c0)
-        d = n - c0
-        idle = 0
-        bland = False
-        while True:
-            iterations += 1
-            if iterations > limit:
-                return LIMIT, iterations
-            nB = 0
-            for i in range(r0, r1):
-                if rows.working[i]:
-                    room.B[nB] = i
-                    nB += 1
-            work = room.matrix[: (nW + nB) * d].reshape((nW + nB, d))
-            gather_unit(rows, room.W, nW, c0, work)
-            gather(rows, room.B, nB, c0, work, nW)
-            for i in range(nW + nB):
-                room.origin[i] = i
-            rW = lq(work, 0, nW, 0, nW + nB, room.origin, depends, 0, room.ref_row, room.ref_col, room.ref_tau)
-            if rW < nW:  # a row that depends on others of W holds nothing that they do not hold
-                for i in range(rW, nW):
-                    release(rows, room.W[int(room.origin[i])])
-                nW = compress(room.W, nW, rows)
-                continue
-            step = room.step[:d]
-            step[:] = 0.0
-            gradient = room.gradient[:rW]
-            gradient[:] = 0.0
-            size = math.sqrt(np.sum(x * x))
-            r, rank, V, sought, pivot = step_to_minimizer(
-                rows, room, z, r0, r1, nW, nB, rW, c0, tol, work, step, gradient, size
-            )
-            size += sought  # the rounding error of what the step is after counts like that of x
-            span = math.sqrt(np.sum(step * step))
-            length, blocking, which = 1.0, -1, 0
-            if span > 4.0 * EPS * size:  # else the step is rounding error
-                slack = 1e-12 * size if bland else 0.0
-                length, blocking, which = first_to_block(rows, k, c0, step, span, slack, depends)
-                if not move(rows, c0, step, length):
-                    return NOT_FINITE, iterations
-            size = math.sqrt(np.sum(x * x)) + sought
-            idle = idle + 1 if length * span <= 1e-13 * size else 0
-            bland = idle > n
-            if blocking >= 0:
-                if hoped:  # the guess is not reached: keep only what is at its bound
-                    for i in range(nW):
-                        if miss(rows, size, room.W[i]) != 0.0:
-                            release(rows, room.W[i])
-                    nW = compress(room.W, nW, rows)
-                    hoped = False
-                activate(rows, blocking, which)
-                if rows.state[blocking] == KEPT:
-                    room.W[nW] = blocking
-                    nW += 1
-                continue
-            hoped = False
-            worst, residual = row_to_leave(rows, room, nW, nB, rW, work, gradient, last, size, bland)
-            if worst < 0:
-                break
-            leave(rows, worst)
-            nW = compress(room.W, nW, rows)
+        set_values(A, scale[k], rows, r0, r1)
+        nW = enter_level(rows, room, r0, r1, nW, n - c0)
+        code, tried, nW, nB, r, rank, V, residual, pivot, size = search_level(
+            rows, room, turns, k, A, scale[k], z, r0, r1, last, nW, c0, tol, depends, limit - iterations
+        )
+        iterations += tried
+        if code != SOLVED:
+            return code, iterations
         if last:
             break
         smallest = min(smallest, pivot)
         entered = nW
-        nW, held, nF, more = settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict)
+        nW, held, count, more = settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict)
         contradicting += more
         if contradicting and not go_on:
             return INFEASIBLE, iterations
-        if nF == 0:
-            continue
-        if held < entered or nF - held < nB:  # not the set of the last factorization
-            work = room.matrix[: nF * d].reshape((nF, d))
-            gather_unit(rows, room.F, held, c0, work)
-            gather(rows, room.F[held:], nF - held, c0, work, held)
-            rW = lq(work, 0, held, 0, nF, room.origin, depends, 0, room.ref_row, room.ref_col, room.ref_tau)
-            r, rank, V, _, _ = factor(
-                work, held, nF, rW, nF, room.origin, rows.loaded, r0, r1, 1.0, tol, False, rW,
-                room.ref_row, room.ref_col, room.ref_tau,
+        rW = entered
+        if count == 0:
+            rW, r, rank, V = 0, 0, 0, np.empty((0, 0))
+        elif held < entered or count - held < nB:  # not the set of the last factorization
+            rW, r, rank, V = factor_determined(rows, room, A, scale[k], r0, r1, held, count, c0, tol, depends)
+        turns = keep_turns(room, turns, k, rW + r, V, c0 + rW)
+        if rW + r:
+            turn_rows(
+                rows, M, c0, room.matrix, V, c0 + rW, rW + r,
+                room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU],
             )  # fmt: skip
-        count = 0
-        for i in range(M + n):
-            if i >= M or rows.state[i] != FIXED:
-                room.others[count] = i
-                count += 1
-        turn_rows(rows, room.others, count, c0, work, V, rW, rW + r, room.ref_row, room.ref_col, room.ref_tau)
         c0 += rW + rank
     if not finite(x):
         return NOT_FINITE, iterations

@@ -7,12 +7,10 @@ import numpy as np
 from hqp_rp.core.kernels.compile import kernel
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
-    forward_substitution,
     frobenius,
+    level_least_squares,
     load,
-    lower_block,
     spectral,
-    tall_least_squares,
     triangle,
     turn_back_by,
     turn_back_reflectors,
@@ -43,12 +41,11 @@ def solve_level(W, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, secon
             for i in range(m):
                 s += U[i, j] * t[i]
             y[c0 + j] = s * damped_inverse(S[j], smallest, zero, kind, first * scale, second * scale)
-    elif m == r:
-        forward_substitution(W, r0, c0, r, t, y)
     else:
         residual = t[:m].copy()
-        tall_least_squares(lower_block(W, r0, r1, c0, r), residual)
-        y[c0 : c0 + r] = residual[:r]
+        level_least_squares(W, r0, r1, c0, r, residual)
+        for j in range(r):
+            y[c0 + j] = residual[j]
 
 
 @kernel
@@ -59,25 +56,26 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     """
     M, n = A.shape
     p = len(offsets) - 1
-    room = np.empty(M * n + 3 * M + p + n)
+    room = np.empty(M * n + 5 * M + 4 * p + n + 1)  # one block: an allocation costs as much as a row
     W = room[: M * n].reshape((M, n))
-    rhs = room[M * n : M * n + M]
-    t = room[M * n + M : M * n + 2 * M]
-    ref_tau = room[M * n + 2 * M : M * n + 3 * M]
-    scale = room[M * n + 3 * M : M * n + 3 * M + p]
-    y = room[M * n + 3 * M + p :]
+    vectors = room[M * n :]
+    rhs = vectors[:M]
+    t = vectors[M : 2 * M]
+    ref_tau = vectors[2 * M : 3 * M]
+    scale = vectors[3 * M : 3 * M + p]
+    y = vectors[3 * M + p : 3 * M + p + n]
+    counts = vectors[3 * M + p + n :].view(np.int64)
     if not load(A, b, offsets, W, rhs, scale):
         return False
     for i in range(M):
         for j in range(n):
             rhs[i] -= W[i, j] * z[j]
-    counts = np.empty(2 * M + 3 * p + 1, np.int64)
     ref_row = counts[:M]
     ref_col = counts[M : 2 * M]
     start = counts[2 * M : 2 * M + p + 1]
     column = counts[2 * M + p + 1 : 2 * M + 2 * p + 1]
     turned = counts[2 * M + 2 * p + 1 :]
-    turns = np.empty((1, 0, 0))
+    turns = room[:0].reshape((1, 0, 0))
     start[0] = 0
     for j in range(n):
         y[j] = 0.0
@@ -98,11 +96,9 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
                 s -= W[r0 + i, j] * y[j]
             t[i] = s
         if proven and kind == 0:
-            if r == r1 - r0:
-                forward_substitution(W, r0, c0, r, t, y)
-            else:
-                tall_least_squares(lower_block(W, r0, r1, c0, r), t)
-                y[c0 : c0 + r] = t[:r]
+            level_least_squares(W, r0, r1, c0, r, t)
+            for j in range(r):
+                y[c0 + j] = t[j]
             c0 += r
             continue
         rank, V, U, S = turn_by_svd(W, r0, r1, c0, M, r, tol * scale[k] * spectral(A, r0, r1))

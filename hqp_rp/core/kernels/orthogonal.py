@@ -12,9 +12,13 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.compile import inlined, kernel
+from hqp_rp.core.kernels.vector import reflect_four_rows, reflect_row, reflect_vector, sum_of_squares
 
 EPS = 2.220446049250313e-16
+
+SHORT = 12
+"""Rows of fewer entries are turned by plain loops."""
 
 
 @kernel
@@ -73,6 +77,46 @@ def spectral(W, r0, r1):
 
 
 @kernel
+def reflect_rows(W, i0, i1, V, t, column, last, tau):
+    """Rows i0:i1 of W <- W - tau (W v) v^T with v = (1, V[t, column + 1:last]) from `column` on."""
+    i = i0
+    if last < SHORT:  # a call would cost more than the loop
+        while i < i1:
+            dot = W[i, column]
+            for col in range(column + 1, last):
+                dot += W[i, col] * V[t, col]
+            dot *= tau
+            W[i, column] -= dot
+            for col in range(column + 1, last):
+                W[i, col] -= dot * V[t, col]
+            i += 1
+        return
+    while i + 4 <= i1:
+        reflect_four_rows(W, i, V, t, column, last, tau)
+        i += 4
+    while i < i1:
+        reflect_row(W, i, V, t, column, last, tau)
+        i += 1
+
+
+@kernel
+def reflect_rows_by_all(W, i0, i1, V, t0, count, c0, last, tau, s0):
+    """Rows i0:i1 of W <- W Q for reflectors t = 0 ... count - 1, row t0 + t of V from column c0 + t, with tau[s0 + t].
+
+    Each row meets all reflectors before the next one is fetched.
+    """
+    i = i0
+    while i < i1:
+        four = i + 4 <= i1
+        for t in range(count):
+            if four:
+                reflect_four_rows(W, i, V, t0 + t, c0 + t, last, tau[s0 + t])
+            else:
+                reflect_row(W, i, V, t0 + t, c0 + t, last, tau[s0 + t])
+        i += 4 if four else 1
+
+
+@kernel
 def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):
     """Row-pivoted Householder LQ of W[r0:r1, c0:] in place; the reflectors also turn rows r1:rows_end.
 
@@ -82,6 +126,7 @@ def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):
     """
     n = W.shape[1]
     steps = min(r1 - r0, n - c0)
+    long = n >= SHORT
     for j in range(steps):
         c = c0 + j
         top = r0 + j
@@ -89,14 +134,18 @@ def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):
         longest = -1.0
         for i in range(top, r1):
             s = 0.0
-            for col in range(c, n):
-                s += W[i, col] * W[i, col]
+            if long:
+                s = sum_of_squares(W, i, c, n)
+            else:
+                for col in range(c, n):
+                    s += W[i, col] * W[i, col]
             if s > longest:
                 longest = s
                 best = i
         norm = math.sqrt(longest)
         if not norm > floor:
-            return j
+            steps = j
+            break
         if best != top:
             for col in range(n):
                 swap = W[top, col]
@@ -112,17 +161,12 @@ def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):
         for col in range(c + 1, n):
             W[top, col] *= inverse
         W[top, c] = beta
-        for i in range(top + 1, rows_end):
-            dot = W[i, c]
-            for col in range(c + 1, n):
-                dot += W[i, col] * W[top, col]
-            dot *= tau
-            W[i, c] -= dot
-            for col in range(c + 1, n):
-                W[i, col] -= dot * W[top, col]
         ref_row[t0 + j] = top
         ref_col[t0 + j] = c
         ref_tau[t0 + j] = tau
+        reflect_rows(W, top + 1, r1 if long else rows_end, W, top, c, n, tau)
+    if long:
+        reflect_rows_by_all(W, r1, rows_end, W, r0, steps, c0, n, ref_tau, t0)
     return steps
 
 
@@ -168,7 +212,15 @@ def triangle(W, r0, r1, c0, rows_end, rhs, norm, tol, t0, ref_row, ref_col, ref_
         return 0, True
     floor = min(64.0 * EPS, tol / math.sqrt(min(m, n))) * norm
     r = lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau)
-    return r, r == 0 or tol * norm * inverse_norm(W, r0, c0, r) < 1.0
+    if r == 0:
+        return 0, True
+    # Pivoting leaves |L_ij| <= |L_jj| (up to rounding, hence 2), so that ||L^-1||_2 <= sqrt(4^r + 6 r - 1) / (3 min |L_jj|).
+    smallest = np.inf
+    for i in range(r):
+        smallest = min(smallest, abs(W[r0 + i, c0 + i]))
+    if r <= 30 and 2.0 * tol * norm * math.sqrt(4.0**r + 6.0 * r - 1.0) < 3.0 * smallest:
+        return r, True
+    return r, tol * norm * inverse_norm(W, r0, c0, r) < 1.0
 
 
 @kernel
@@ -220,68 +272,95 @@ def forward_substitution(W, r0, c0, r, t, y):
         y[c0 + i] = s / W[r0 + i, c0 + i]
 
 
+@inlined
+def turn_vector(y, V, t, column, last, tau):
+    """y <- y - tau (y v) v with v = (1, V[t, column + 1:last]) from `column` on."""
+    if last < SHORT:
+        dot = y[column]
+        for col in range(column + 1, last):
+            dot += y[col] * V[t, col]
+        dot *= tau
+        y[column] -= dot
+        for col in range(column + 1, last):
+            y[col] -= dot * V[t, col]
+    else:
+        reflect_vector(y, V, t, column, last, tau)
+
+
+@kernel
+def level_least_squares(W, r0, r1, c0, r, t):
+    """t[:r] <- the y of min ||L y - t|| for the factor L (r1 - r0, r) that `lq` left in rows r0:r1, of full column rank."""
+    if r == r1 - r0:
+        for i in range(r):
+            s = t[i]
+            for col in range(i):
+                s -= W[r0 + i, c0 + col] * t[col]
+            t[i] = s / W[r0 + i, c0 + i]
+    elif r == 1:
+        square = 0.0
+        dot = 0.0
+        for i in range(r0, r1):
+            square += W[i, c0] * W[i, c0]
+            dot += W[i, c0] * t[i - r0]
+        t[0] = dot / square
+    else:
+        tall_least_squares(lower_block(W, r0, r1, c0, r), t)
+
+
 @kernel
 def tall_least_squares(C, t):
-    """min ||C y - t|| for C (m, r) of full column rank, m >= r, by Householder QR; C and t are overwritten, t[:r] is y.
+    """min ||C y - t|| for C (m, r) of full column rank, m >= r, by Householder QR; t[:r] is overwritten with y.
 
     Columns are pivoted, so that with rows sorted by falling size it is stable row by row (Cox and Higham 1998): rows of
-    very different weight then do not swamp each other.
+    very different weight then do not swamp each other. It works on C^T, whose rows are contiguous.
     """
     m, r = C.shape
+    T = np.empty((r, m))
+    for i in range(m):
+        for j in range(r):
+            T[j, i] = C[i, j]
     order = np.arange(r)
     for j in range(r):
         best = j
         longest = -1.0
-        for col in range(j, r):
+        for row in range(j, r):
             s = 0.0
-            for i in range(j, m):
-                s += C[i, col] * C[i, col]
+            if m >= SHORT:
+                s = sum_of_squares(T, row, j, m)
+            else:
+                for i in range(j, m):
+                    s += T[row, i] * T[row, i]
             if s > longest:
                 longest = s
-                best = col
+                best = row
         if best != j:
             for i in range(m):
-                swap = C[i, j]
-                C[i, j] = C[i, best]
-                C[i, best] = swap
+                swap = T[j, i]
+                T[j, i] = T[best, i]
+                T[best, i] = swap
             other = order[j]
             order[j] = order[best]
             order[best] = other
         norm = math.sqrt(longest)
         if norm == 0.0:
             continue
-        alpha = C[j, j]
+        alpha = T[j, j]
         beta = -norm if alpha >= 0.0 else norm
         tau = (beta - alpha) / beta
         inverse = 1.0 / (alpha - beta)
         for i in range(j + 1, m):
-            C[i, j] *= inverse
-        C[j, j] = beta
-        for col in range(j + 1, r):
-            dot = C[j, col]
-            for i in range(j + 1, m):
-                dot += C[i, j] * C[i, col]
-            dot *= tau
-            C[j, col] -= dot
-            for i in range(j + 1, m):
-                C[i, col] -= dot * C[i, j]
-        dot = t[j]
-        for i in range(j + 1, m):
-            dot += C[i, j] * t[i]
-        dot *= tau
-        t[j] -= dot
-        for i in range(j + 1, m):
-            t[i] -= dot * C[i, j]
+            T[j, i] *= inverse
+        T[j, j] = beta
+        reflect_rows(T, j + 1, r, T, j, j, m, tau)
+        turn_vector(t, T, j, j, m, tau)
+    y = np.empty(r)
     for j in range(r - 1, -1, -1):
         s = t[j]
-        for col in range(j + 1, r):
-            s -= C[j, col] * t[col]
-        t[j] = s / C[j, j] if C[j, j] != 0.0 else 0.0
-    y = np.empty(r)
+        for row in range(j + 1, r):
+            s -= T[row, j] * y[row]
+        y[j] = s / T[j, j] if T[j, j] != 0.0 else 0.0
     for j in range(r):
-        y[order[j]] = t[j]
-    for j in range(r):
-        t[j] = y[j]
+        t[order[j]] = y[j]
 
 
 @kernel
@@ -302,15 +381,7 @@ def turn_back_reflectors(W, y, t0, t1, ref_row, ref_col, ref_tau):
     """y <- Q y by reflectors t0:t1, in reverse order."""
     n = W.shape[1]
     for t in range(t1 - 1, t0 - 1, -1):
-        c = ref_col[t]
-        row = ref_row[t]
-        dot = y[c]
-        for col in range(c + 1, n):
-            dot += y[col] * W[row, col]
-        dot *= ref_tau[t]
-        y[c] -= dot
-        for col in range(c + 1, n):
-            y[col] -= dot * W[row, col]
+        turn_vector(y, W, ref_row[t], ref_col[t], n, ref_tau[t])
 
 
 @kernel
@@ -326,15 +397,7 @@ def turn_forward(W, y, t0, t1, ref_row, ref_col, ref_tau):
     """y <- Q^T y by reflectors t0:t1."""
     n = W.shape[1]
     for t in range(t0, t1):
-        c = ref_col[t]
-        row = ref_row[t]
-        dot = y[c]
-        for col in range(c + 1, n):
-            dot += y[col] * W[row, col]
-        dot *= ref_tau[t]
-        y[c] -= dot
-        for col in range(c + 1, n):
-            y[col] -= dot * W[row, col]
+        turn_vector(y, W, ref_row[t], ref_col[t], n, ref_tau[t])
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""The rows of an active-set search: their values, bounds and states, how far a step may go, and what it turns."""
+"""The rows of an active-set search: their values, bounds and states, how far a step may go, and how they are turned."""
 
 from __future__ import annotations
 
@@ -8,52 +8,40 @@ from typing import NamedTuple
 import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, kernel
-from hqp_rp.core.kernels.orthogonal import EPS
+from hqp_rp.core.kernels.orthogonal import EPS, SHORT, reflect_rows
+from hqp_rp.core.kernels.vector import dot_row, reflect_four_rows
 
 WAITING = 0  # of a level that has not been reached
 KEPT = 1  # must stay within its bounds
 FIXED = 2  # determined: its value stays as it is
 
+LOW, UP, NORM, VALUE, CHANGE, BEFORE = range(6)
+STATE, WORKING, GUESS = range(3)
+
 
 class Rows(NamedTuple):
     """M rows `low <= a_i x <= up`, stacked level by level, each level scaled by a power of two.
 
-    R: (M + n, n): rows in the coordinates of the freedom that finished levels left; the last n are the basis Z itself, so
-    that x moves by Z d and row i's value by R_i d. loaded: (M, n) rows as loaded. low, up, norms, value: (M,). level: (M,)
-    level of each row. state: (M,) `WAITING`, `KEPT` or `FIXED`. side: (M,) the bound at which a row is active: -1 lower,
-    +1 upper (an equality has both), 0 none. working: (M,) whether it is in the working set. x: (n,).
+    R: (M, n): rows turned by what finished levels did; the columns of the freedom they left stand last. real (6, M): bounds
+    `LOW` and `UP`, `NORM` ||a_i||, `VALUE` a_i x, its `CHANGE` along the step that is tried, and the value `BEFORE` it.
+    flags (3, M): `STATE` (`WAITING`, `KEPT` or `FIXED`), `WORKING` (1 in the working set), `GUESS` (the bound at which a warm
+    start hopes to find the row: -1, 0, +1). side (M,): the bound at which a row is active, -1 lower, +1 upper (an equality
+    has both), 0 none. x: (n,).
+
+    Few arrays, since a call passes each of them field by field, and at seven unknowns that is most of its cost.
     """
 
     R: np.ndarray
-    loaded: np.ndarray
-    low: np.ndarray
-    up: np.ndarray
-    norms: np.ndarray
-    value: np.ndarray
-    level: np.ndarray
-    state: np.ndarray
+    real: np.ndarray
+    flags: np.ndarray
     side: np.ndarray
-    working: np.ndarray
     x: np.ndarray
 
 
 @kernel
-def load_rows(A, lower, upper, offsets, side, x):
-    """(rows, whether all numbers are finite) for a search that starts at x; every row is waiting and none is working."""
-    M, n = A.shape
-    rows = Rows(
-        np.empty((M + n, n)),
-        np.empty((M, n)),
-        np.empty(M),
-        np.empty(M),
-        np.empty(M),
-        np.empty(M),
-        np.empty(M, np.int64),
-        np.empty(M, np.int64),
-        side,
-        np.zeros(M, np.bool_),
-        x,
-    )
+def load_rows(A, lower, upper, offsets, rows, scale):
+    """Fill `rows` and the scale of each level; False when a number is not finite. Rows are waiting, their values not yet set."""
+    n = A.shape[1]
     finite = True
     for k in range(len(offsets) - 1):
         big = 0.0
@@ -66,56 +54,73 @@ def load_rows(A, lower, upper, offsets, side, x):
         s = 1.0
         if big > 0.0 and finite:
             s = math.ldexp(1.0, max(-1000, min(1000, -math.frexp(big)[1])))
+        scale[k] = s
         for i in range(offsets[k], offsets[k + 1]):
             total = 0.0
-            value = 0.0
             for j in range(n):
                 a = A[i, j] * s
                 rows.R[i, j] = a
-                rows.loaded[i, j] = a
                 total += a * a
-                value += a * x[j]
-            rows.norms[i] = math.sqrt(total)
-            rows.value[i] = value
-            rows.low[i] = lower[i] * s
-            rows.up[i] = upper[i] * s
-            rows.level[i] = k
-            rows.state[i] = WAITING
-            side[i] = 0
-            if np.isnan(rows.low[i]) or np.isnan(rows.up[i]) or rows.low[i] == np.inf or rows.up[i] == -np.inf:
+            rows.real[NORM, i] = math.sqrt(total)
+            low = lower[i] * s
+            up = upper[i] * s
+            rows.real[LOW, i] = low
+            rows.real[UP, i] = up
+            rows.flags[STATE, i] = WAITING
+            rows.flags[WORKING, i] = 0
+            rows.flags[GUESS, i] = rows.side[i]
+            rows.side[i] = 0
+            if np.isnan(low) or np.isnan(up) or low == np.inf or up == -np.inf:
                 finite = False
-    for i in range(n):
+    return finite
+
+
+@kernel
+def set_values(A, scale, rows, r0, r1):
+    """The values of rows r0:r1 at x, from the rows as they were given."""
+    n = A.shape[1]
+    for i in range(r0, r1):
+        s = 0.0
         for j in range(n):
-            rows.R[M + i, j] = 1.0 if i == j else 0.0
-    return rows, finite
+            s += (A[i, j] * scale) * rows.x[j]
+        rows.real[VALUE, i] = s
+
+
+@inlined
+def level_norm(rows, r0, r1):
+    """Frobenius norm of the loaded rows r0:r1."""
+    s = 0.0
+    for i in range(r0, r1):
+        s += rows.real[NORM, i] * rows.real[NORM, i]
+    return math.sqrt(s)
 
 
 @inlined
 def bound_of(rows, i):
     """The bound at which row i is active."""
-    return rows.up[i] if rows.side[i] > 0 else rows.low[i]
+    return rows.real[UP, i] if rows.side[i] > 0 else rows.real[LOW, i]
 
 
 @inlined
 def miss(rows, size, i):
     """How far row i is from its active bound, signed; what rounding error can explain at an x of this size is 0."""
     bound = bound_of(rows, i)
-    w = rows.value[i] - bound
-    return w if abs(w) > 64.0 * EPS * (rows.norms[i] * size + abs(bound)) else 0.0
+    w = rows.real[VALUE, i] - bound
+    return w if abs(w) > 64.0 * EPS * (rows.real[NORM, i] * size + abs(bound)) else 0.0
 
 
 @inlined
 def activate(rows, i, side):
     """Put row i into the working set at that bound."""
     rows.side[i] = side
-    rows.working[i] = True
+    rows.flags[WORKING, i] = 1
 
 
 @inlined
 def release(rows, i):
     """Take row i out of the working set."""
     rows.side[i] = 0
-    rows.working[i] = False
+    rows.flags[WORKING, i] = 0
 
 
 @inlined
@@ -123,102 +128,124 @@ def compress(W, count, rows):
     """Drop the rows of the list W that are no longer working; returns how many remain."""
     still = 0
     for i in range(count):
-        if rows.working[W[i]]:
+        if rows.flags[WORKING, W[i]]:
             W[still] = W[i]
             still += 1
     return still
 
 
 @inlined
-def gather(rows, listed, count, c0, out, at):
-    """Copy the free columns (c0:) of the listed rows to out[at:]."""
-    for i in range(count):
-        for j in range(c0, rows.R.shape[1]):
-            out[at + i, j - c0] = rows.R[listed[i], j]
+def gather(rows, row, c0, out, at):
+    """Copy the free columns (c0:) of a row to out[at]."""
+    for j in range(c0, rows.R.shape[1]):
+        out[at, j] = rows.R[row, j]
 
 
 @inlined
-def gather_unit(rows, listed, count, c0, out):
-    """Copy the free columns of the listed rows to `out`, each divided by the norm of its whole row."""
-    for i in range(count):
-        for j in range(c0, rows.R.shape[1]):
-            out[i, j - c0] = rows.R[listed[i], j] / rows.norms[listed[i]]
+def gather_unit(rows, row, c0, out, at):
+    """Copy the free columns of a row to out[at], divided by the norm of the whole row (a row of zeros stays one)."""
+    norm = rows.real[NORM, row]
+    if norm == 0.0:
+        norm = 1.0
+    for j in range(c0, rows.R.shape[1]):
+        out[at, j] = rows.R[row, j] / norm
 
 
 @kernel
-def move(rows, c0, step, length):
-    """x += length * Z step, and every row's value with it; False when x is not finite."""
-    R = rows.R
-    M = len(rows.value)
-    d = len(step)
-    for i in range(M):
-        s = 0.0
-        for j in range(d):
-            s += R[i, c0 + j] * step[j]
-        rows.value[i] += length * s
-    finite = True
-    for i in range(len(rows.x)):
-        s = 0.0
-        for j in range(d):
-            s += R[M + i, c0 + j] * step[j]
-        rows.x[i] += length * s
-        if not abs(rows.x[i]) < np.inf:
-            finite = False
-    return finite
+def try_step(rows, end, r0, c0, step):
+    """The change of every kept row, and of the rows r0:end of the level, along the whole step (its entries c0 ... n - 1)."""
+    n = rows.R.shape[1]
+    for i in range(end):
+        if i >= r0 or rows.flags[STATE, i] == KEPT:
+            s = 0.0
+            if n < SHORT:
+                for j in range(c0, n):
+                    s += rows.R[i, j] * step[j]
+            else:
+                s = dot_row(rows.R, i, c0, step, c0, n - c0)
+            rows.real[CHANGE, i] = s
+            rows.real[BEFORE, i] = rows.real[VALUE, i]
 
 
 @kernel
-def first_to_block(rows, k, c0, step, span, slack, depends):
-    """(length, row, side): how far in [0, 1] the step goes and what stops it, a kept row or one of level k that is left.
+def set_length(rows, end, r0, length):
+    """Values after that part of the step that was tried; length 0 goes back to where it began."""
+    for i in range(end):
+        if i >= r0 or rows.flags[STATE, i] == KEPT:
+            rows.real[VALUE, i] = rows.real[BEFORE, i] + length * rows.real[CHANGE, i]
+
+
+@inlined
+def room_to_bound(rows, i, span, slack, depends):
+    """(part of the step at which row i meets a bound, the side): (inf, 0) where it meets none.
+
+    A row that changes by less than `depends` times its norm depends on the working set, as its factorization sees it, and
+    cannot block. A row nearer to its bound than `slack` times its size meets it at once.
+    """
+    s = rows.real[CHANGE, i]
+    norm = rows.real[NORM, i]
+    part = np.inf
+    side = 0
+    if abs(s) > 2.0 * depends * norm * span:
+        bound = rows.real[UP, i] if s > 0.0 else rows.real[LOW, i]
+        if abs(bound) < np.inf:
+            room = bound - rows.real[BEFORE, i] if s > 0.0 else rows.real[BEFORE, i] - bound
+            part = 0.0 if room <= slack * (norm + 1e-3 * abs(bound)) else room / abs(s)
+            side = 1 if s > 0.0 else -1
+    return part, side
+
+
+@kernel
+def first_to_block(rows, end, r0, span, slack, depends):
+    """(length, row, side): how far in [0, 1] the step that was tried goes and what stops it, a kept row or one of r0:end.
 
     span: ||step||. Of rows nearer to their bounds than `slack` times their size the first stops it at once, whatever
-    rounding says of their order: with slack > 0 as Bland's rule needs it. A row that changes by less than `depends` times
-    its norm depends on the working set, as its factorization sees it, and cannot block.
+    rounding says of their order: with slack > 0 as Bland's rule needs it.
     """
     best = 1.0
     row = -1
     side = 0
-    for i in range(len(rows.state)):
-        if rows.working[i] or not (rows.state[i] == KEPT or (rows.state[i] == WAITING and rows.level[i] == k)):
+    for i in range(end):
+        if rows.flags[WORKING, i] or not (i >= r0 or rows.flags[STATE, i] == KEPT):
             continue
-        s = 0.0
-        for j in range(len(step)):
-            s += rows.R[i, c0 + j] * step[j]
-        if abs(s) <= 2.0 * depends * rows.norms[i] * span:
-            continue
-        bound = rows.up[i] if s > 0.0 else rows.low[i]
-        if abs(bound) == np.inf:
-            continue
-        room = bound - rows.value[i] if s > 0.0 else rows.value[i] - bound
-        length = 0.0 if room <= slack * (rows.norms[i] + 1e-3 * abs(bound)) else room / abs(s)
-        if length < best:
-            best, row, side = length, i, 1 if s > 0.0 else -1
+        part, which = room_to_bound(rows, i, span, slack, depends)
+        if part < best:
+            best, row, side = part, i, which
     return best, row, side
 
 
+@inlined
+def free_rows_from(rows, i, end):
+    """How many of the rows i ... i + 3 (before `end`) are not fixed, up to the first one that is."""
+    count = 0
+    while count < 4 and i + count < end and rows.flags[STATE, i + count] != FIXED:
+        count += 1
+    return count
+
+
 @kernel
-def turn_rows(rows, listed, count, c0, work, V, v0, reflectors, ref_row, ref_col, ref_tau):
-    """Turn the free columns of the listed rows by the reflectors stored in `work`, then by V at column v0."""
+def turn_rows(rows, end, c0, work, V, v0, reflectors, ref_row, ref_col, ref_tau):
+    """Turn the rows that are not fixed by the reflectors stored in `work`, then by V at column v0."""
     R = rows.R
-    d = R.shape[1] - c0
+    n = R.shape[1]
     r = len(V)
     turned = np.empty(r)
-    for i in range(count):
-        row = listed[i]
-        for t in range(reflectors):
-            c = ref_col[t]
-            w = ref_row[t]
-            dot = R[row, c0 + c]
-            for j in range(c + 1, d):
-                dot += R[row, c0 + j] * work[w, j]
-            dot *= ref_tau[t]
-            R[row, c0 + c] -= dot
-            for j in range(c + 1, d):
-                R[row, c0 + j] -= dot * work[w, j]
-        for j in range(r):
-            s = 0.0
-            for col in range(r):
-                s += R[row, c0 + v0 + col] * V[col, j]
-            turned[j] = s
-        for j in range(r):
-            R[row, c0 + v0 + j] = turned[j]
+    i = 0
+    while i < end:
+        count = free_rows_from(rows, i, end)
+        if n >= SHORT and count == 4:
+            for t in range(reflectors):
+                reflect_four_rows(R, i, work, ref_row[t], ref_col[t], n, ref_tau[t])
+        else:
+            for row in range(i, i + count):
+                for t in range(reflectors):
+                    reflect_rows(R, row, row + 1, work, ref_row[t], ref_col[t], n, ref_tau[t])
+        for row in range(i, i + count if r else i):
+            for j in range(r):
+                s = 0.0
+                for col in range(r):
+                    s += R[row, v0 + col] * V[col, j]
+                turned[j] = s
+            for j in range(r):
+                R[row, v0 + j] = turned[j]
+        i += max(count, 1)
