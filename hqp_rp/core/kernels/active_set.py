@@ -32,6 +32,7 @@ from hqp_rp.core.kernels.orthogonal import (
     turn_forward,
     turn_vector,
 )
+from hqp_rp.core.kernels.predict import guess_working_set
 from hqp_rp.core.kernels.rows import (
     BEFORE,
     CHANGE,
@@ -67,8 +68,11 @@ INFEASIBLE = 2
 NOT_FINITE = 3
 DELICATE = 4  # solved, but a level was kept by a pivot so small that multipliers near rounding error decided
 
-BLOCK_PIVOTS = 10
+BLOCK_PIVOTS = 6
 """Block pivots tried in a level before the primal search takes over."""
+
+BLIND_PIVOTS = 2
+"""How many of them are tried before the working set is guessed."""
 
 ENTERED, COUNTED, REF_ROW, REF_COL, DONE_COL = range(5)
 ORIGIN, TARGET, MULTIPLIER, REF_TAU, STEP, GRADIENT, DONE_TAU, MOVE = range(8)
@@ -463,6 +467,37 @@ def move(rows, room, turns, levels, length):
     return finite
 
 
+@inlined
+def guessable(rows, r0, r1):
+    """Whether every row of the level is an equality."""
+    for i in range(r0, r1):
+        if rows.real[LOW, i] < rows.real[UP, i]:
+            return False
+    return True
+
+
+@kernel
+def enter_guess(rows, room, turns, levels, z, r0, r1, last, nW, c0):
+    """W becomes the guessed one; returns its size."""
+    n = len(room.done)
+    goal = room.real[MOVE]
+    if last:
+        for j in range(n):
+            goal[j] = z[j] - rows.x[j]
+        to_free(room, turns, levels, goal)
+    guess_working_set(rows, r0, r1, c0, goal)
+    entered = room.lists[ENTERED]
+    for i in range(nW):
+        release(rows, entered[i])
+    count = 0
+    for i in range(r0):
+        if rows.flags[GUESS, i] != 0 and rows.flags[STATE, i] == KEPT and count < n - c0:
+            activate(rows, i, rows.flags[GUESS, i])
+            entered[count] = i
+            count += 1
+    return count
+
+
 @kernel
 def search_level(rows, room, turns, levels, A, scale, z, r0, r1, last, nW, c0, tol, depends, allowed):
     """Minimize one level. Returns (code, iterations, rows of W, of B, reflectors, rank, V, residual, pivot, size)."""
@@ -503,6 +538,8 @@ def search_level(rows, room, turns, levels, A, scale, z, r0, r1, last, nW, c0, t
                     return SOLVED, iterations, before, nB, r, rank, V, residual, pivot, size
             else:
                 set_length(rows, end, r0, 0.0)
+            if blocks == BLOCK_PIVOTS - BLIND_PIVOTS and guessable(rows, r0, r1):
+                nW = enter_guess(rows, room, turns, levels, z, r0, r1, last, nW, c0)
             if blocks == 0:
                 nW = start_from_values(rows, room, r0, r1, nW, length_of(rows.x))
             continue
