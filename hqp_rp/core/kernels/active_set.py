@@ -24,6 +24,7 @@ from hqp_rp.core.kernels.compile import inlined, kernel
 from hqp_rp.core.kernels.orthogonal import (
     EPS,
     lq,
+    padded,
     spectral,
     triangle,
     turn_back,
@@ -71,7 +72,7 @@ DELICATE = 4  # solved, but a level was kept by a pivot so small that multiplier
 BLOCK_PIVOTS = 6
 """Block pivots tried in a level before the primal search takes over."""
 
-BLIND_PIVOTS = 2
+BLIND_PIVOTS = 1
 """How many of them are tried before the working set is guessed."""
 
 ENTERED, COUNTED, REF_ROW, REF_COL, DONE_COL = range(5)
@@ -82,13 +83,13 @@ FIRST, END, TURNED_AT, TURNED = range(4)
 class Room(NamedTuple):
     """Arrays that a search writes anew, few for the reason given in `Rows`.
 
-    matrix: the kept rows W of the working set, then the rows B of the level that count; factored.
-    done (n, n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END` and the
+    matrix (., padded n): the kept rows W of the working set, then the rows B of the level that count; factored.
+    done (n, padded n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END` and the
     column `TURNED_AT` at which its `TURNED` columns were turned by an SVD.
     lists (5, .): `ENTERED` is W; `COUNTED` is B, or in the end the rows that a level determined; `REF_ROW`, `REF_COL` of the
     reflectors in `matrix`; `DONE_COL` of those in `done`.
     real (8, .): `ORIGIN`, which listed row stands where after the factorization's swaps; `TARGET` of each row of B;
-    `MULTIPLIER` of each row of W; `REF_TAU`, `DONE_TAU`; vectors `STEP`, `GRADIENT` and `MOVE` (n,).
+    `MULTIPLIER` of each row of W; `REF_TAU`, `DONE_TAU`; vectors `STEP`, `GRADIENT` and `MOVE` (n,), zero behind.
     """
 
     matrix: np.ndarray
@@ -101,13 +102,14 @@ class Room(NamedTuple):
 @kernel
 def make_room(n, p, largest):
     """Room for levels of up to `largest` rows."""
-    size = n + largest + 1
+    N = padded(n)
+    size = N + largest + 1
     return Room(
-        np.empty((size, n)),
-        np.empty((n, n)),
+        np.empty((size, N)),
+        np.empty((n, N)),
         np.zeros((p + 1, 4), np.int64),
         np.empty((5, size), np.int64),
-        np.empty((8, size)),
+        np.zeros((8, size)),
     )
 
 
@@ -121,16 +123,15 @@ def from_free(room, turns, levels, step, move):
         if room.marks[k, TURNED]:
             turn_back_by(turns[k], room.marks[k, TURNED], move, room.marks[k, TURNED_AT])
         for t in range(room.marks[k, END] - 1, room.marks[k, FIRST] - 1, -1):
-            turn_vector(move, room.done, t, room.lists[DONE_COL, t], n, room.real[DONE_TAU, t])
+            turn_vector(move, room.done, t, room.lists[DONE_COL, t], room.real[DONE_TAU, t])
 
 
 @kernel
 def to_free(room, turns, levels, step):
     """step <- the coordinates of a step of x, those of the freedom that `levels` finished levels left standing last."""
-    n = len(room.done)
     for k in range(levels):
         for t in range(room.marks[k, FIRST], room.marks[k, END]):
-            turn_vector(step, room.done, t, room.lists[DONE_COL, t], n, room.real[DONE_TAU, t])
+            turn_vector(step, room.done, t, room.lists[DONE_COL, t], room.real[DONE_TAU, t])
         r = room.marks[k, TURNED]
         if r:
             turn_back_by(turns[k, :r, :r].T.copy(), r, step, room.marks[k, TURNED_AT])
@@ -148,7 +149,7 @@ def keep_turns(room, turns, k, reflectors, V, v0):
         room.lists[DONE_COL, first + t] = column
         room.real[DONE_TAU, first + t] = room.real[REF_TAU, t]
         row = room.lists[REF_ROW, t]
-        for j in range(column + 1, n):
+        for j in range(room.done.shape[1]):
             room.done[first + t, j] = room.matrix[row, j]
     r = len(V)
     room.marks[k, TURNED] = r
@@ -309,7 +310,7 @@ def step_to_minimizer(rows, room, turns, levels, A, scale, z, r0, r1, last, top,
             for j in range(c0, c0 + rW):
                 s -= work[top + i, j] * step[j]
             target[i] = s
-        solve_level(work, top, top + nB, c0 + rW, r, rank, U, S, target, 0.0, 1.0, 0, 0.0, 0.0, step)
+        solve_level(work, n, top, top + nB, c0 + rW, r, rank, U, S, target, 0.0, 1.0, 0, 0.0, 0.0, step)
         turn_back(work, step, c0 + rW, V, rW, rW + r, row, col, tau)
     turn_back(work, step, 0, empty, 0, rW, row, col, tau)
     return r, rank, V, sought, pivot
@@ -645,7 +646,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
     """
     M, n = A.shape
     p = len(offsets) - 1
-    rows = Rows(np.empty((M, n)), np.empty((6, M)), np.empty((3, M), np.int64), side, x)
+    rows = Rows(np.empty((M, padded(n))), np.empty((6, M)), np.empty((3, M), np.int64), side, x)
     scale = np.empty(p + 1)
     if not load_rows(A, lower, upper, offsets, rows, scale):
         return NOT_FINITE, 0

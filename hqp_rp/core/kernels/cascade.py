@@ -10,6 +10,7 @@ from hqp_rp.core.kernels.orthogonal import (
     frobenius,
     level_least_squares,
     load,
+    padded,
     spectral,
     triangle,
     turn_back_by,
@@ -28,14 +29,14 @@ def finite(x):
 
 
 @kernel
-def solve_level(W, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, second, y):
+def solve_level(W, n, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, second, y):
     """y[c0:c0 + rank], the least-squares answer of a factored level to the right-hand side t (m,), damped by the policy.
 
-    The policy's parameters are in the unit of A_k; the factored rows are `scale` times larger.
+    n: number of unknowns. The policy's parameters are in the unit of A_k; the factored rows are `scale` times larger.
     """
     m = r1 - r0
     if len(S):
-        smallest = S[r - 1] if r == min(m, W.shape[1] - c0) else 0.0
+        smallest = S[r - 1] if r == min(m, n - c0) else 0.0
         for j in range(rank):
             s = 0.0
             for i in range(m):
@@ -56,15 +57,16 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     """
     M, n = A.shape
     p = len(offsets) - 1
-    room = np.empty(M * n + 5 * M + 4 * p + n + 1)  # one block: an allocation costs as much as a row
-    W = room[: M * n].reshape((M, n))
-    vectors = room[M * n :]
+    N = padded(n)
+    room = np.empty(M * N + N + 5 * M + 4 * p + 1)  # one block: an allocation costs as much as a row
+    W = room[: M * N].reshape((M, N))
+    y = room[M * N : M * N + N]
+    vectors = room[M * N + N :]
     rhs = vectors[:M]
     t = vectors[M : 2 * M]
     ref_tau = vectors[2 * M : 3 * M]
     scale = vectors[3 * M : 3 * M + p]
-    y = vectors[3 * M + p : 3 * M + p + n]
-    counts = vectors[3 * M + p + n :].view(np.int64)
+    counts = vectors[3 * M + p :].view(np.int64)
     if not load(A, b, offsets, W, rhs, scale):
         return False
     for i in range(M):
@@ -77,7 +79,7 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     turned = counts[2 * M + 2 * p + 1 :]
     turns = room[:0].reshape((1, 0, 0))
     start[0] = 0
-    for j in range(n):
+    for j in range(N):
         y[j] = 0.0
     c0 = 0
     for k in range(p):
@@ -102,7 +104,7 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
             c0 += r
             continue
         rank, V, U, S = turn_by_svd(W, r0, r1, c0, M, r, tol * scale[k] * spectral(A, r0, r1))
-        solve_level(W, r0, r1, c0, r, rank, U, S, t, 0.0, scale[k], kind, first, second, y)
+        solve_level(W, n, r0, r1, c0, r, rank, U, S, t, 0.0, scale[k], kind, first, second, y)
         if turns.shape[1] == 0:
             turns = np.empty((p, n, n))
         turned[k] = r

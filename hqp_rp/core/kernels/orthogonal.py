@@ -13,17 +13,27 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, kernel
-from hqp_rp.core.kernels.vector import reflect_four_rows, reflect_row, reflect_vector, sum_of_squares
+from hqp_rp.core.kernels.vector import (
+    make_reflector,
+    reflect_four_rows,
+    reflect_row,
+    reflect_vector,
+    sum_of_squares,
+    swap_rows,
+)
 
 EPS = 2.220446049250313e-16
 
-SHORT = 12
-"""Rows of fewer entries are turned by plain loops."""
+
+@inlined
+def padded(n):
+    """The number of columns of a working matrix for n unknowns: the next multiple of eight (see `vector`)."""
+    return (n + 7) // 8 * 8
 
 
 @kernel
 def load(A, b, offsets, W, rhs, scale):
-    """Copy A into W and b into rhs, each level scaled by a power of two to entries in [1/2, 1); False if not finite."""
+    """Copy A into W (filled up with zeros) and b into rhs, each level scaled by a power of two; False if not finite."""
     n = A.shape[1]
     finite = True
     for k in range(len(offsets) - 1):
@@ -41,6 +51,8 @@ def load(A, b, offsets, W, rhs, scale):
         for i in range(offsets[k], offsets[k + 1]):
             for j in range(n):
                 W[i, j] = A[i, j] * s
+            for j in range(n, W.shape[1]):
+                W[i, j] = 0.0
             rhs[i] = b[i] * s
             if not abs(rhs[i]) < np.inf:
                 finite = False
@@ -76,44 +88,96 @@ def spectral(W, r0, r1):
     return s[0]
 
 
+@inlined
+def is_padded(W):
+    """Whether the vector instructions may be used on W."""
+    return W.shape[1] % 8 == 0
+
+
 @kernel
-def reflect_rows(W, i0, i1, V, t, column, last, tau):
-    """Rows i0:i1 of W <- W - tau (W v) v^T with v = (1, V[t, column + 1:last]) from `column` on."""
+def reflect_rows(W, i0, i1, V, t, column, tau):
+    """Rows i0:i1 of W <- W - tau (W v) v^T with v = (1, V[t, column + 1:]) from `column` on."""
+    n = W.shape[1]
     i = i0
-    if last < SHORT:  # a call would cost more than the loop
+    if is_padded(W):
+        while i + 4 <= i1:
+            reflect_four_rows(W, i, V, t, column, tau)
+            i += 4
         while i < i1:
-            dot = W[i, column]
-            for col in range(column + 1, last):
-                dot += W[i, col] * V[t, col]
-            dot *= tau
-            W[i, column] -= dot
-            for col in range(column + 1, last):
-                W[i, col] -= dot * V[t, col]
+            reflect_row(W, i, V, t, column, tau)
             i += 1
         return
-    while i + 4 <= i1:
-        reflect_four_rows(W, i, V, t, column, last, tau)
-        i += 4
     while i < i1:
-        reflect_row(W, i, V, t, column, last, tau)
+        dot = W[i, column]
+        for col in range(column + 1, n):
+            dot += W[i, col] * V[t, col]
+        dot *= tau
+        W[i, column] -= dot
+        for col in range(column + 1, n):
+            W[i, col] -= dot * V[t, col]
         i += 1
 
 
 @kernel
-def reflect_rows_by_all(W, i0, i1, V, t0, count, c0, last, tau, s0):
-    """Rows i0:i1 of W <- W Q for reflectors t = 0 ... count - 1, row t0 + t of V from column c0 + t, with tau[s0 + t].
+def reflect_rows_by_all(W, i0, i1, V, t0, count, c0, tau, s0):
+    """Rows i0:i1 of padded W <- W Q for reflectors t = 0 ... count - 1, row t0 + t of V from column c0 + t, with tau[s0 + t].
 
     Each row meets all reflectors before the next one is fetched.
     """
     i = i0
-    while i < i1:
-        four = i + 4 <= i1
+    while i + 4 <= i1:
         for t in range(count):
-            if four:
-                reflect_four_rows(W, i, V, t0 + t, c0 + t, last, tau[s0 + t])
-            else:
-                reflect_row(W, i, V, t0 + t, c0 + t, last, tau[s0 + t])
-        i += 4 if four else 1
+            reflect_four_rows(W, i, V, t0 + t, c0 + t, tau[s0 + t])
+        i += 4
+    while i < i1:
+        for t in range(count):
+            reflect_row(W, i, V, t0 + t, c0 + t, tau[s0 + t])
+        i += 1
+
+
+@inlined
+def swap_any_rows(W, i, k):
+    """Rows i and k of W change places."""
+    if is_padded(W):
+        swap_rows(W, i, k)
+    else:
+        for col in range(W.shape[1]):
+            swap = W[i, col]
+            W[i, col] = W[k, col]
+            W[k, col] = swap
+
+
+@inlined
+def longest_row(W, i0, i1, column):
+    """(row, squared length) of the longest of the rows i0:i1 from `column` on."""
+    best = i0
+    longest = -1.0
+    for i in range(i0, i1):
+        s = 0.0
+        if is_padded(W):
+            s = sum_of_squares(W, i, column)
+        else:
+            for col in range(column, W.shape[1]):
+                s += W[i, col] * W[i, col]
+        if s > longest:
+            longest = s
+            best = i
+    return best, longest
+
+
+@inlined
+def householder(W, i, column, norm):
+    """Turn row i into a reflector that maps it on its entry at `column`; returns tau. norm: its length from `column` on."""
+    alpha = W[i, column]
+    beta = -norm if alpha >= 0.0 else norm
+    inverse = 1.0 / (alpha - beta)
+    if is_padded(W):
+        make_reflector(W, i, column, beta, inverse)
+    else:
+        for col in range(column + 1, W.shape[1]):
+            W[i, col] *= inverse
+        W[i, column] = beta
+    return (beta - alpha) / beta
 
 
 @kernel
@@ -124,49 +188,27 @@ def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):
     Stops when every remaining row is shorter than `floor`. Rows of the level are swapped together with their rhs.
     Reflector number t0 + j is recorded by row, column and tau. Returns the number of reflectors.
     """
-    n = W.shape[1]
-    steps = min(r1 - r0, n - c0)
-    long = n >= SHORT
+    steps = min(r1 - r0, W.shape[1] - c0)
     for j in range(steps):
         c = c0 + j
         top = r0 + j
-        best = top
-        longest = -1.0
-        for i in range(top, r1):
-            s = 0.0
-            if long:
-                s = sum_of_squares(W, i, c, n)
-            else:
-                for col in range(c, n):
-                    s += W[i, col] * W[i, col]
-            if s > longest:
-                longest = s
-                best = i
+        best, longest = longest_row(W, top, r1, c)
         norm = math.sqrt(longest)
         if not norm > floor:
             steps = j
             break
         if best != top:
-            for col in range(n):
-                swap = W[top, col]
-                W[top, col] = W[best, col]
-                W[best, col] = swap
+            swap_any_rows(W, top, best)
             swap = rhs[top]
             rhs[top] = rhs[best]
             rhs[best] = swap
-        alpha = W[top, c]
-        beta = -norm if alpha >= 0.0 else norm
-        tau = (beta - alpha) / beta
-        inverse = 1.0 / (alpha - beta)
-        for col in range(c + 1, n):
-            W[top, col] *= inverse
-        W[top, c] = beta
+        tau = householder(W, top, c, norm)
         ref_row[t0 + j] = top
         ref_col[t0 + j] = c
         ref_tau[t0 + j] = tau
-        reflect_rows(W, top + 1, r1 if long else rows_end, W, top, c, n, tau)
-    if long:
-        reflect_rows_by_all(W, r1, rows_end, W, r0, steps, c0, n, ref_tau, t0)
+        reflect_rows(W, top + 1, r1 if is_padded(W) else rows_end, W, top, c, tau)
+    if is_padded(W):
+        reflect_rows_by_all(W, r1, rows_end, W, r0, steps, c0, ref_tau, t0)
     return steps
 
 
@@ -273,18 +315,18 @@ def forward_substitution(W, r0, c0, r, t, y):
 
 
 @inlined
-def turn_vector(y, V, t, column, last, tau):
-    """y <- y - tau (y v) v with v = (1, V[t, column + 1:last]) from `column` on."""
-    if last < SHORT:
+def turn_vector(y, V, t, column, tau):
+    """y <- y - tau (y v) v with v = (1, V[t, column + 1:]) from `column` on."""
+    if is_padded(V):
+        reflect_vector(y, V, t, column, tau)
+    else:
         dot = y[column]
-        for col in range(column + 1, last):
+        for col in range(column + 1, V.shape[1]):
             dot += y[col] * V[t, col]
         dot *= tau
         y[column] -= dot
-        for col in range(column + 1, last):
+        for col in range(column + 1, V.shape[1]):
             y[col] -= dot * V[t, col]
-    else:
-        reflect_vector(y, V, t, column, last, tau)
 
 
 @kernel
@@ -315,47 +357,29 @@ def tall_least_squares(C, t):
     very different weight then do not swamp each other. It works on C^T, whose rows are contiguous.
     """
     m, r = C.shape
-    T = np.empty((r, m))
+    T = np.zeros((r, padded(m)))
     for i in range(m):
         for j in range(r):
             T[j, i] = C[i, j]
+    right = np.zeros(T.shape[1])
+    right[:m] = t[:m]
     order = np.arange(r)
     for j in range(r):
-        best = j
-        longest = -1.0
-        for row in range(j, r):
-            s = 0.0
-            if m >= SHORT:
-                s = sum_of_squares(T, row, j, m)
-            else:
-                for i in range(j, m):
-                    s += T[row, i] * T[row, i]
-            if s > longest:
-                longest = s
-                best = row
+        best, longest = longest_row(T, j, r, j)
         if best != j:
-            for i in range(m):
-                swap = T[j, i]
-                T[j, i] = T[best, i]
-                T[best, i] = swap
+            swap_any_rows(T, j, best)
             other = order[j]
             order[j] = order[best]
             order[best] = other
         norm = math.sqrt(longest)
         if norm == 0.0:
             continue
-        alpha = T[j, j]
-        beta = -norm if alpha >= 0.0 else norm
-        tau = (beta - alpha) / beta
-        inverse = 1.0 / (alpha - beta)
-        for i in range(j + 1, m):
-            T[j, i] *= inverse
-        T[j, j] = beta
-        reflect_rows(T, j + 1, r, T, j, j, m, tau)
-        turn_vector(t, T, j, j, m, tau)
+        tau = householder(T, j, j, norm)
+        reflect_rows(T, j + 1, r, T, j, j, tau)
+        turn_vector(right, T, j, j, tau)
     y = np.empty(r)
     for j in range(r - 1, -1, -1):
-        s = t[j]
+        s = right[j]
         for row in range(j + 1, r):
             s -= T[row, j] * y[row]
         y[j] = s / T[j, j] if T[j, j] != 0.0 else 0.0
@@ -379,9 +403,8 @@ def turn_back_by(V, r, y, c0):
 @kernel
 def turn_back_reflectors(W, y, t0, t1, ref_row, ref_col, ref_tau):
     """y <- Q y by reflectors t0:t1, in reverse order."""
-    n = W.shape[1]
     for t in range(t1 - 1, t0 - 1, -1):
-        turn_vector(y, W, ref_row[t], ref_col[t], n, ref_tau[t])
+        turn_vector(y, W, ref_row[t], ref_col[t], ref_tau[t])
 
 
 @kernel
@@ -395,9 +418,8 @@ def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):
 @kernel
 def turn_forward(W, y, t0, t1, ref_row, ref_col, ref_tau):
     """y <- Q^T y by reflectors t0:t1."""
-    n = W.shape[1]
     for t in range(t0, t1):
-        turn_vector(y, W, ref_row[t], ref_col[t], n, ref_tau[t])
+        turn_vector(y, W, ref_row[t], ref_col[t], ref_tau[t])
 
 
 @kernel

@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.compile import kernel
-from hqp_rp.core.kernels.orthogonal import lq
+from hqp_rp.core.kernels.orthogonal import lq, padded
 from hqp_rp.core.kernels.rows import GUESS, KEPT, LOW, STATE, UP, VALUE, gather, level_norm
 from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
 
@@ -62,14 +62,13 @@ def forget_row(C, at, count):
 
 
 @kernel
-def least_distance(G, g0, value, low, up, active, side, limit):
-    """Active rows of min ||u||^2 subject to low <= value + G u <= up: G's rows from g0 on, one for each entry of `value`.
+def least_distance(G, value, low, up, active, side, limit):
+    """Active rows of min ||u||^2 subject to low <= value + G u <= up, G padded.
 
     Fills `active` and `side` (as long as `value`) and returns how many are active. An inconsistent system ends with those
     that are active when that is found.
     """
-    K = len(value)
-    d = G.shape[1]
+    K, d = G.shape
     most = min(K, d)
     C = np.empty((most + 1, most + 1))
     vectors = np.empty((4, K + d + 1))
@@ -80,7 +79,7 @@ def least_distance(G, g0, value, low, up, active, side, limit):
     u = np.zeros((2, d))  # the point, and the direction of a step
     busy = np.zeros(K, np.bool_)
     for i in range(K):
-        square[i] = sum_of_squares(G, g0 + i, 0, d)
+        square[i] = sum_of_squares(G, i, 0)
         if square[i] == 0.0:
             busy[i] = True
     count = 0
@@ -90,20 +89,20 @@ def least_distance(G, g0, value, low, up, active, side, limit):
         for i in range(K):
             if busy[i]:
                 continue
-            h = value[i] + dot_row(G, g0 + i, 0, u[0], 0, d)
+            h = value[i] + dot_row(G, i, u[0], 0)
             over = max(h - up[i], low[i] - h) / math.sqrt(square[i])
             if over > worst:
                 worst = over
                 p = i
         if p < 0:
             break
-        h = value[p] + dot_row(G, g0 + p, 0, u[0], 0, d)
+        h = value[p] + dot_row(G, p, u[0], 0)
         sign = 1.0 if h > up[p] else -1.0
         own = 0.0
         while True:
             delta = square[p]
             for i in range(count):
-                s = dot_row(G, g0 + active[i], 0, G[g0 + p], 0, d)
+                s = dot_row(G, active[i], G[p], 0)
                 for j in range(i):
                     s -= C[i, j] * l[j]
                 l[i] = s / C[i, i]
@@ -113,9 +112,9 @@ def least_distance(G, g0, value, low, up, active, side, limit):
                 for j in range(i + 1, count):
                     s -= C[j, i] * w[j]
                 w[i] = s / C[i, i]
-            over = max(value[p] + dot_row(G, g0 + p, 0, u[0], 0, d) - up[p], 0.0)
+            over = max(value[p] + dot_row(G, p, u[0], 0) - up[p], 0.0)
             if sign < 0.0:
-                over = max(low[p] - value[p] - dot_row(G, g0 + p, 0, u[0], 0, d), 0.0)
+                over = max(low[p] - value[p] - dot_row(G, p, u[0], 0), 0.0)
             whole = over / delta if delta > 1e-12 * square[p] and count < most else np.inf
             part = np.inf
             out = -1
@@ -128,12 +127,12 @@ def least_distance(G, g0, value, low, up, active, side, limit):
             if tau == np.inf:
                 return count
             u[1] = 0.0
-            add_multiple(u, 1, G, g0 + p, 0, d, 1.0)
+            add_multiple(u[1], G, p, 1.0)
             for i in range(count):
                 multiplier[i] -= tau * sign * w[i]
-                add_multiple(u, 1, G, g0 + active[i], 0, d, -w[i])
+                add_multiple(u[1], G, active[i], -w[i])
             own += tau * sign
-            add_multiple(u, 0, u, 1, 0, d, -tau * sign)
+            add_multiple(u[0], u, 1, -tau * sign)
             if whole <= part:
                 for i in range(count):
                     C[count, i] = l[i]
@@ -160,14 +159,14 @@ def guess_working_set(rows, r0, r1, c0, goal):
 
     All rows of the level must be equalities. goal (n,): where r0 == r1, what ||s - goal|| is minimized for.
     """
-    n = rows.R.shape[1]
-    d = n - c0
+    n = rows.R.shape[1]  # padded, as d is
+    d = len(rows.x) - c0
     m = r1 - r0
     K = 0
     for i in range(r0):
         if rows.flags[STATE, i] == KEPT:
             K += 1
-    T = np.empty((m + K, n))
+    T = np.zeros((m + K, n))
     which = np.empty((3, K), np.int64)
     K = 0
     for i in range(r0):
@@ -179,11 +178,11 @@ def guess_working_set(rows, r0, r1, c0, goal):
     for i in range(m):
         gather(rows, r0 + i, c0, T, i)
         target[i] = rows.real[LOW, r0 + i] - rows.real[VALUE, r0 + i]
-    G = np.zeros((K, d))
+    G = np.zeros((K, padded(d)))
     bounds = np.empty((3, K))
     r = 0
     P = np.empty((0, 0))
-    q = np.zeros(d)
+    q = np.zeros(padded(d))
     scale = 1.0
     if m:
         reflectors = np.empty((2, m), np.int64)
@@ -213,10 +212,10 @@ def guess_working_set(rows, r0, r1, c0, goal):
                 G[i, j] = s / P[j, j]
             else:
                 G[i, j] = s * scale
-        bounds[0, i] = rows.real[VALUE, row] + dot_row(G, i, 0, q, 0, r if m else d)
+        bounds[0, i] = rows.real[VALUE, row] + dot_row(G, i, q, 0)
         bounds[1, i] = rows.real[LOW, row]
         bounds[2, i] = rows.real[UP, row]
         rows.flags[GUESS, row] = 0
-    count = least_distance(G, 0, bounds[0], bounds[1], bounds[2], which[1], which[2], 3 * K + 20)
+    count = least_distance(G, bounds[0], bounds[1], bounds[2], which[1], which[2], 3 * K + 20)
     for i in range(count):
         rows.flags[GUESS, which[0, which[1, i]]] = which[2, i]

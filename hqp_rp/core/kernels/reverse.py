@@ -142,7 +142,7 @@ def correction(W0, m, weight, t, tol, factor_, basis):
     right[:m] = t
     r, rank, V, U, S = factor(W, 0, m, 0, rows, right, W0, 0, m, 1.0, tol, False, 0, ref_row, ref_col, ref_tau)
     Y = np.zeros((1 + rank if basis else 1, n))
-    solve_level(W, 0, m, 0, r, rank, U, S, right, 0.0, 1.0, 0, 0.0, 0.0, Y[0])
+    solve_level(W, n, 0, m, 0, r, rank, U, S, right, 0.0, 1.0, 0, 0.0, 0.0, Y[0])
     for j in range(1, len(Y)):
         Y[j, j - 1] = 1.0
     r_low = 0

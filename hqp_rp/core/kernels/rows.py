@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, kernel
-from hqp_rp.core.kernels.orthogonal import EPS, SHORT, reflect_rows
-from hqp_rp.core.kernels.vector import dot_row, reflect_four_rows
+from hqp_rp.core.kernels.orthogonal import EPS
+from hqp_rp.core.kernels.vector import dot_row, reflect_four_rows, reflect_row
 
 WAITING = 0  # of a level that has not been reached
 KEPT = 1  # must stay within its bounds
@@ -22,7 +22,7 @@ STATE, WORKING, GUESS = range(3)
 class Rows(NamedTuple):
     """M rows `low <= a_i x <= up`, stacked level by level, each level scaled by a power of two.
 
-    R: (M, n): rows turned by what finished levels did; the columns of the freedom they left stand last. real (6, M): bounds
+    R: (M, padded n): rows turned by what finished levels did; the columns of the freedom they left stand last. real (6, M): bounds
     `LOW` and `UP`, `NORM` ||a_i||, `VALUE` a_i x, its `CHANGE` along the step that is tried, and the value `BEFORE` it.
     flags (3, M): `STATE` (`WAITING`, `KEPT` or `FIXED`), `WORKING` (1 in the working set), `GUESS` (the bound at which a warm
     start hopes to find the row: -1, 0, +1). side (M,): the bound at which a row is active, -1 lower, +1 upper (an equality
@@ -61,6 +61,8 @@ def load_rows(A, lower, upper, offsets, rows, scale):
                 a = A[i, j] * s
                 rows.R[i, j] = a
                 total += a * a
+            for j in range(n, rows.R.shape[1]):
+                rows.R[i, j] = 0.0
             rows.real[NORM, i] = math.sqrt(total)
             low = lower[i] * s
             up = upper[i] * s
@@ -153,16 +155,10 @@ def gather_unit(rows, row, c0, out, at):
 
 @kernel
 def try_step(rows, end, r0, c0, step):
-    """The change of every kept row, and of the rows r0:end of the level, along the whole step (its entries c0 ... n - 1)."""
-    n = rows.R.shape[1]
+    """The change of every kept row, and of the rows r0:end of the level, along the whole step, whose first c0 entries are 0."""
     for i in range(end):
         if i >= r0 or rows.flags[STATE, i] == KEPT:
-            s = 0.0
-            if n < SHORT:
-                for j in range(c0, n):
-                    s += rows.R[i, j] * step[j]
-            else:
-                s = dot_row(rows.R, i, c0, step, c0, n - c0)
+            s = dot_row(rows.R, i, step, c0)
             rows.real[CHANGE, i] = s
             rows.real[BEFORE, i] = rows.real[VALUE, i]
 
@@ -227,19 +223,18 @@ def free_rows_from(rows, i, end):
 def turn_rows(rows, end, c0, work, V, v0, reflectors, ref_row, ref_col, ref_tau):
     """Turn the rows that are not fixed by the reflectors stored in `work`, then by V at column v0."""
     R = rows.R
-    n = R.shape[1]
     r = len(V)
     turned = np.empty(r)
     i = 0
     while i < end:
         count = free_rows_from(rows, i, end)
-        if n >= SHORT and count == 4:
+        if count == 4:
             for t in range(reflectors):
-                reflect_four_rows(R, i, work, ref_row[t], ref_col[t], n, ref_tau[t])
+                reflect_four_rows(R, i, work, ref_row[t], ref_col[t], ref_tau[t])
         else:
             for row in range(i, i + count):
                 for t in range(reflectors):
-                    reflect_rows(R, row, row + 1, work, ref_row[t], ref_col[t], n, ref_tau[t])
+                    reflect_row(R, row, work, ref_row[t], ref_col[t], ref_tau[t])
         for row in range(i, i + count if r else i):
             for j in range(r):
                 s = 0.0

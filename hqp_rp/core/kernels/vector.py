@@ -1,10 +1,11 @@
-"""Vector instructions for the inner loops of factorizations: a reflector on one or four rows, sums of squares, dot products.
+"""Vector instructions for the inner loops of factorizations.
 
-What numba makes of `for col in range(c, n)` runs a quarter as fast on rows of 20 to 100 entries: it checks each loop for
-aliasing and for negative indices, and ends it with up to fifteen scalar steps. These intrinsics emit chunks of four
-entries, then two, then one. LLVM maps them to what the machine has. Sums may be reordered, as in every kernel.
+What numba makes of `for col in range(c, n)` runs a quarter as fast on rows of 7 to 100 entries: it checks each loop for
+aliasing and for negative indices, and ends it with a scalar remainder. These intrinsics emit whole chunks of eight entries,
+which LLVM maps to what the machine has. They need matrices whose number of columns is a multiple of eight, filled up with
+zeros (`padded`); nothing is checked. Sums may be reordered, as in every kernel.
 
-Columns are `first ... last - 1`; nothing is checked.
+A reflector is stored in a row: v = (1, V[t, column + 1:]), and what stands left of `column` is not part of it.
 """
 
 from __future__ import annotations
@@ -16,127 +17,121 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-WIDTH = 4
+WIDTH = 8
 _INT = ir.IntType(64)
 _DOUBLE = ir.DoubleType()
+_CHUNK = ir.VectorType(_DOUBLE, WIDTH)
+_LANES = ir.VectorType(_INT, WIDTH)
 _FAST = ("reassoc", "contract")
-
-
-def _vector(width: int) -> Any:
-    return _DOUBLE if width == 1 else ir.VectorType(_DOUBLE, width)
-
-
-def _zero(width: int) -> Any:
-    return ir.Constant(_vector(width), 0.0 if width == 1 else [0.0] * width)
 
 
 def _integer(value: int) -> Any:
     return ir.Constant(_INT, value)
 
 
-class _Row:
-    """Row i of a C-contiguous array, or a contiguous vector, as the address of its entry 0."""
+def _all(value: float) -> Any:
+    return ir.Constant(_CHUNK, [value] * WIDTH)
 
-    def __init__(self, context: Any, builder: Any, kind: Any, array: Any, i: Any = None) -> None:
+
+class _Row:
+    """Row i of a C-contiguous matrix, or a vector, in chunks from the one that holds `column`."""
+
+    def __init__(self, context: Any, builder: Any, kind: Any, array: Any, i: Any, column: Any) -> None:
         self.builder = builder
         made = context.make_array(kind)(context, builder, array)
-        self.address = builder.ptrtoint(made.data, _INT)
+        address = builder.ptrtoint(made.data, _INT)
         if i is not None:
             stride = cgutils.unpack_tuple(builder, made.strides)[0]
-            self.address = builder.add(self.address, builder.mul(i, stride))
+            address = builder.add(address, builder.mul(i, stride))
+        start = builder.and_(column, _integer(-WIDTH))
+        self.columns = cgutils.unpack_tuple(builder, made.shape)[-1]
+        self.start = start
+        self.address = builder.add(address, builder.mul(start, _integer(8)))
 
-    def pointer(self, at: Any, width: int) -> Any:
-        offset = self.builder.mul(at, _integer(8))
-        return self.builder.inttoptr(self.builder.add(self.address, offset), _vector(width).as_pointer())
+    def _pointer(self, chunk: Any) -> Any:
+        offset = self.builder.mul(chunk, _integer(8 * WIDTH))
+        return self.builder.inttoptr(self.builder.add(self.address, offset), _CHUNK.as_pointer())
 
-    def load(self, at: Any, width: int = 1) -> Any:
-        return self.builder.load(self.pointer(at, width), align=8)
+    def load(self, chunk: Any) -> Any:
+        return self.builder.load(self._pointer(chunk), align=8)
 
-    def store(self, value: Any, at: Any, width: int = 1) -> None:
-        self.builder.store(value, self.pointer(at, width), align=8)
-
-
-class _Sum:
-    """A running sum, kept apart for each width until it is asked for."""
-
-    def __init__(self, builder: Any) -> None:
-        self.builder = builder
-        self.parts = {width: cgutils.alloca_once_value(builder, _zero(width)) for width in (4, 2, 1)}
-
-    def add(self, left: Any, right: Any, width: int) -> None:
-        product = self.builder.fmul(left, right, flags=_FAST)
-        part = self.parts[width]
-        self.builder.store(self.builder.fadd(self.builder.load(part), product, flags=_FAST), part)
-
-    def value(self) -> Any:
-        total = self.builder.load(self.parts[1])
-        for width in (2, 4):
-            kind = ir.FunctionType(_DOUBLE, [_DOUBLE, _vector(width)])
-            reduce = cgutils.get_or_insert_function(self.builder.module, kind, f"llvm.vector.reduce.fadd.v{width}f64")
-            part = self.builder.load(self.parts[width])
-            total = self.builder.call(reduce, [total, part], fastmath=_FAST)
-        return total
+    def store(self, value: Any, chunk: Any) -> None:
+        self.builder.store(value, self._pointer(chunk), align=8)
 
 
-def _chunks(builder: Any, first: Any, last: Any, body: Callable[[Any, int], None]) -> None:
-    """body(column, width) for chunks that cover first ... last - 1."""
-    length = builder.sub(last, first)
-    length = builder.select(builder.icmp_signed("<", length, _integer(0)), _integer(0), length)
-    full = builder.lshr(length, _integer(2))
-    with cgutils.for_range(builder, full) as loop:
-        body(builder.add(first, builder.mul(loop.index, _integer(WIDTH))), WIDTH)
-    at = builder.add(first, builder.mul(full, _integer(WIDTH)))
-    for width in (2, 1):
-        left = builder.and_(length, _integer(width))
-        with builder.if_then(builder.icmp_signed("!=", left, _integer(0))):
-            body(at, width)
-        at = builder.add(at, left)
-
-
-def _spread(builder: Any, value: Any, width: int) -> Any:
-    if width == 1:
-        return value
+def _spread(builder: Any, value: Any, kind: Any = _CHUNK) -> Any:
     index = ir.IntType(32)
-    undefined = ir.Constant(_vector(width), ir.Undefined)
+    undefined = ir.Constant(kind, ir.Undefined)
     one = builder.insert_element(undefined, value, ir.Constant(index, 0))
-    return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(index, width), [0] * width))
+    return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(index, WIDTH), [0] * WIDTH))
 
 
-def _reflect(builder: Any, rows: list[_Row], by: _Row, column: Any, last: Any, tau: Any) -> None:
-    sums = [_Sum(builder) for _ in rows]
-    behind = builder.add(column, _integer(1))
-    heads = [row.load(column) for row in rows]
+def _lanes(builder: Any, relation: str, column: Any) -> Any:
+    """A mask: lane `relation` the lane of `column` within its chunk."""
+    lane = builder.and_(column, _integer(WIDTH - 1))
+    return builder.icmp_signed(relation, ir.Constant(_LANES, list(range(WIDTH))), _spread(builder, lane, _LANES))
 
-    def gather(at: Any, width: int) -> None:
-        v = by.load(at, width)
-        for row, total in zip(rows, sums, strict=True):
-            total.add(row.load(at, width), v, width)
 
-    _chunks(builder, behind, last, gather)
-    factors = []
-    for row, head, total in zip(rows, heads, sums, strict=True):
-        factor = builder.fmul(builder.fadd(head, total.value(), flags=_FAST), tau)
-        row.store(builder.fsub(head, factor), column)
-        factors.append(factor)
+def _total(builder: Any, chunk: Any) -> Any:
+    kind = ir.FunctionType(_DOUBLE, [_DOUBLE, _CHUNK])
+    reduce = cgutils.get_or_insert_function(builder.module, kind, f"llvm.vector.reduce.fadd.v{WIDTH}f64")
+    return builder.call(reduce, [ir.Constant(_DOUBLE, -0.0), chunk], fastmath=_FAST)
 
-    def update(at: Any, width: int) -> None:
-        v = by.load(at, width)
+
+def _further_chunks(builder: Any, row: _Row, body: Callable[[Any], None]) -> None:
+    """body(chunk) for every chunk of the row behind the first."""
+    count = builder.lshr(builder.sub(row.columns, row.start), _integer(3))
+    with cgutils.for_range(builder, builder.sub(count, _integer(1))) as loop:
+        body(builder.add(loop.index, _integer(1)))
+
+
+def _sum_of_products(builder: Any, pairs: list[tuple[Any, Any]], row: _Row, more: Callable[[Any], Any]) -> list[Any]:
+    """Sums over all chunks: `pairs` are the factors of the first, more(chunk) gives those of the others."""
+    sums = [cgutils.alloca_once_value(builder, builder.fmul(a, b, flags=_FAST)) for a, b in pairs]
+
+    def gather(chunk: Any) -> None:
+        for total, (a, b) in zip(sums, more(chunk), strict=True):
+            product = builder.fmul(a, b, flags=_FAST)
+            builder.store(builder.fadd(builder.load(total), product, flags=_FAST), total)
+
+    _further_chunks(builder, row, gather)
+    return [_total(builder, builder.load(total)) for total in sums]
+
+
+def _reflect(builder: Any, rows: list[_Row], by: _Row, column: Any, tau: Any) -> None:
+    zero = _integer(0)
+    head = builder.select(_lanes(builder, "==", column), _all(1.0), _all(0.0))
+    head = builder.select(_lanes(builder, ">", column), by.load(zero), head)
+    firsts = [row.load(zero) for row in rows]
+
+    def more(chunk: Any) -> list[tuple[Any, Any]]:
+        v = by.load(chunk)
+        return [(row.load(chunk), v) for row in rows]
+
+    dots = _sum_of_products(builder, [(first, head) for first in firsts], by, more)
+    factors = [_spread(builder, builder.fmul(dot, tau)) for dot in dots]
+    for row, first, factor in zip(rows, firsts, factors, strict=True):
+        row.store(builder.fsub(first, builder.fmul(factor, head, flags=_FAST), flags=_FAST), zero)
+
+    def update(chunk: Any) -> None:
+        v = by.load(chunk)
         for row, factor in zip(rows, factors, strict=True):
-            change = builder.fmul(_spread(builder, factor, width), v, flags=_FAST)
-            row.store(builder.fsub(row.load(at, width), change, flags=_FAST), at, width)
+            row.store(builder.fsub(row.load(chunk), builder.fmul(factor, v, flags=_FAST), flags=_FAST), chunk)
 
-    _chunks(builder, behind, last, update)
+    _further_chunks(builder, by, update)
 
 
 def _reflect_rows(count: int) -> Any:
     @intrinsic
-    def reflect(_: Any, W: Any, i: Any, V: Any, t: Any, column: Any, last: Any, tau: Any) -> Any:
-        signature = types.void(W, types.int64, V, types.int64, types.int64, types.int64, types.float64)
+    def reflect(_: Any, W: Any, i: Any, V: Any, t: Any, column: Any, tau: Any) -> Any:
+        signature = types.void(W, types.int64, V, types.int64, types.int64, types.float64)
 
         def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-            turned, first, by, which, at, end, factor = given
-            rows = [_Row(context, builder, sig.args[0], turned, builder.add(first, _integer(r))) for r in range(count)]
-            _reflect(builder, rows, _Row(context, builder, sig.args[2], by, which), at, end, factor)
+            turned, first, by, which, at, factor = given
+            rows = [
+                _Row(context, builder, sig.args[0], turned, builder.add(first, _integer(r)), at) for r in range(count)
+            ]
+            _reflect(builder, rows, _Row(context, builder, sig.args[2], by, which, at), at, factor)
             return context.get_dummy_value()
 
         return signature, codegen
@@ -145,81 +140,122 @@ def _reflect_rows(count: int) -> Any:
 
 
 reflect_row = _reflect_rows(1)
-"""reflect_row(W, i, V, t, column, last, tau): row i of W <- row - tau (row . v) v, with v = (1, V[t, column + 1:last])."""
+"""reflect_row(W, i, V, t, column, tau): row i of W <- row - tau (row . v) v."""
 
 reflect_four_rows = _reflect_rows(4)
 """The same for rows i ... i + 3 of W, side by side."""
 
 
 @intrinsic
-def reflect_vector(_: Any, y: Any, V: Any, t: Any, column: Any, last: Any, tau: Any) -> Any:
-    """The same for a vector: reflect_vector(y, V, t, column, last, tau)."""
-    signature = types.void(y, V, types.int64, types.int64, types.int64, types.float64)
+def reflect_vector(_: Any, y: Any, V: Any, t: Any, column: Any, tau: Any) -> Any:
+    """The same for a vector: reflect_vector(y, V, t, column, tau)."""
+    signature = types.void(y, V, types.int64, types.int64, types.float64)
 
     def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        turned, by, which, at, end, factor = given
-        rows = [_Row(context, builder, sig.args[0], turned)]
-        _reflect(builder, rows, _Row(context, builder, sig.args[1], by, which), at, end, factor)
+        turned, by, which, at, factor = given
+        row = _Row(context, builder, sig.args[0], turned, None, at)
+        _reflect(builder, [row], _Row(context, builder, sig.args[1], by, which, at), at, factor)
         return context.get_dummy_value()
 
     return signature, codegen
 
 
 @intrinsic
-def sum_of_squares(_: Any, W: Any, i: Any, first: Any, last: Any) -> Any:
-    """sum_of_squares(W, i, first, last): of the entries first ... last - 1 of row i."""
-    signature = types.float64(W, types.int64, types.int64, types.int64)
+def make_reflector(_: Any, W: Any, i: Any, column: Any, beta: Any, inverse: Any) -> Any:
+    """make_reflector(W, i, column, beta, inverse): W[i, column] <- beta, and what stands right of it is multiplied."""
+    signature = types.void(W, types.int64, types.int64, types.float64, types.float64)
 
     def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        array, which, start, end = given
-        row = _Row(context, builder, sig.args[0], array, which)
-        total = _Sum(builder)
-
-        def gather(at: Any, width: int) -> None:
-            entries = row.load(at, width)
-            total.add(entries, entries, width)
-
-        _chunks(builder, start, end, gather)
-        return total.value()
+        array, which, at, head, factor = given
+        row = _Row(context, builder, sig.args[0], array, which, at)
+        factors = _spread(builder, factor)
+        first = row.load(_integer(0))
+        scaled = builder.select(_lanes(builder, ">", at), builder.fmul(first, factors), first)
+        row.store(builder.select(_lanes(builder, "==", at), _spread(builder, head), scaled), _integer(0))
+        _further_chunks(
+            builder, row, lambda chunk: row.store(builder.fmul(row.load(chunk), factors), chunk)
+        )
+        return context.get_dummy_value()
 
     return signature, codegen
 
 
 @intrinsic
-def dot_row(_: Any, W: Any, i: Any, first: Any, y: Any, start: Any, count: Any) -> Any:
-    """dot_row(W, i, first, y, start, count): W[i, first:first + count] . y[start:start + count]."""
-    signature = types.float64(W, types.int64, types.int64, y, types.int64, types.int64)
+def swap_rows(_: Any, W: Any, i: Any, k: Any) -> Any:
+    """swap_rows(W, i, k): rows i and k of W change places."""
+    signature = types.void(W, types.int64, types.int64)
 
     def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        array, which, column, vector, offset, length = given
-        row = _Row(context, builder, sig.args[0], array, which)
-        other = _Row(context, builder, sig.args[3], vector)
-        total = _Sum(builder)
+        array, first, second = given
+        one = _Row(context, builder, sig.args[0], array, first, _integer(0))
+        other = _Row(context, builder, sig.args[0], array, second, _integer(0))
 
-        def gather(at: Any, width: int) -> None:
-            total.add(row.load(builder.add(column, at), width), other.load(builder.add(offset, at), width), width)
+        def swap(chunk: Any) -> None:
+            a, b = one.load(chunk), other.load(chunk)
+            one.store(b, chunk)
+            other.store(a, chunk)
 
-        _chunks(builder, _integer(0), length, gather)
-        return total.value()
+        swap(_integer(0))
+        _further_chunks(builder, one, swap)
+        return context.get_dummy_value()
 
     return signature, codegen
 
 
 @intrinsic
-def add_multiple(_: Any, W: Any, i: Any, V: Any, t: Any, first: Any, last: Any, factor: Any) -> Any:
-    """add_multiple(W, i, V, t, first, last, factor): W[i, first:last] += factor * V[t, first:last]."""
-    signature = types.void(W, types.int64, V, types.int64, types.int64, types.int64, types.float64)
+def sum_of_squares(_: Any, W: Any, i: Any, column: Any) -> Any:
+    """sum_of_squares(W, i, column): of row i from `column` on."""
+    signature = types.float64(W, types.int64, types.int64)
 
     def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        array, which, other, source, start, end, scale = given
-        row = _Row(context, builder, sig.args[0], array, which)
-        added = _Row(context, builder, sig.args[2], other, source)
+        array, which, at = given
+        row = _Row(context, builder, sig.args[0], array, which, at)
+        first = builder.select(_lanes(builder, ">=", at), row.load(_integer(0)), _all(0.0))
 
-        def update(at: Any, width: int) -> None:
-            change = builder.fmul(_spread(builder, scale, width), added.load(at, width), flags=_FAST)
-            row.store(builder.fadd(row.load(at, width), change, flags=_FAST), at, width)
+        def more(chunk: Any) -> list[tuple[Any, Any]]:
+            entries = row.load(chunk)
+            return [(entries, entries)]
 
-        _chunks(builder, start, end, update)
+        return _sum_of_products(builder, [(first, first)], row, more)[0]
+
+    return signature, codegen
+
+
+@intrinsic
+def dot_row(_: Any, W: Any, i: Any, y: Any, column: Any) -> Any:
+    """dot_row(W, i, y, column): row i . y from the chunk of eight that holds `column` on; y is at least as long."""
+    signature = types.float64(W, types.int64, y, types.int64)
+
+    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+        array, which, vector, at = given
+        row = _Row(context, builder, sig.args[0], array, which, at)
+        other = _Row(context, builder, sig.args[2], vector, None, at)
+
+        def more(chunk: Any) -> list[tuple[Any, Any]]:
+            return [(row.load(chunk), other.load(chunk))]
+
+        return _sum_of_products(builder, more(_integer(0)), row, more)[0]
+
+    return signature, codegen
+
+
+@intrinsic
+def add_multiple(_: Any, y: Any, V: Any, t: Any, factor: Any) -> Any:
+    """add_multiple(y, V, t, factor): y += factor * V[t]; y is at least as long."""
+    signature = types.void(y, V, types.int64, types.float64)
+
+    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+        vector, matrix, which, scale = given
+        row = _Row(context, builder, sig.args[0], vector, None, _integer(0))
+        added = _Row(context, builder, sig.args[1], matrix, which, _integer(0))
+        factors = _spread(builder, scale)
+
+        def update(chunk: Any) -> None:
+            change = builder.fmul(factors, added.load(chunk), flags=_FAST)
+            row.store(builder.fadd(row.load(chunk), change, flags=_FAST), chunk)
+
+        update(_integer(0))
+        _further_chunks(builder, added, update)
         return context.get_dummy_value()
 
     return signature, codegen
