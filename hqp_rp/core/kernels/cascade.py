@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.compile import kernel, lean
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
     frobenius,
@@ -12,14 +12,14 @@ from hqp_rp.core.kernels.orthogonal import (
     load,
     padded,
     spectral,
+    svd_level,
     triangle,
     turn_back_by,
     turn_back_reflectors,
-    turn_by_svd,
 )
 
 
-@kernel
+@lean
 def finite(x):
     """True when every entry of x is finite."""
     for value in x:  # noqa: SIM110  numba compiles the loop, not the generator
@@ -58,7 +58,16 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     M, n = A.shape
     p = len(offsets) - 1
     N = padded(n)
-    room = np.empty(M * N + N + 5 * M + 4 * p + 1)  # one block: an allocation costs as much as a row
+    room = np.empty(M * N + N + 5 * M + 4 * p + 1 + p * n * n)  # pages that no SVD writes to are never touched
+    return null_space_in(room, A, b, offsets, z, tol, kind, first, second, x)
+
+
+@lean
+def null_space_in(room, A, b, offsets, z, tol, kind, first, second, x):
+    """`null_space` in a given room."""
+    M, n = A.shape
+    p = len(offsets) - 1
+    N = padded(n)
     W = room[: M * N].reshape((M, N))
     y = room[M * N : M * N + N]
     vectors = room[M * N + N :]
@@ -66,7 +75,8 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     t = vectors[M : 2 * M]
     ref_tau = vectors[2 * M : 3 * M]
     scale = vectors[3 * M : 3 * M + p]
-    counts = vectors[3 * M + p :].view(np.int64)
+    counts = vectors[3 * M + p : 5 * M + 4 * p + 1].view(np.int64)
+    turns = vectors[5 * M + 4 * p + 1 :].reshape((p, n, n))
     if not load(A, b, offsets, W, rhs, scale):
         return False
     for i in range(M):
@@ -77,7 +87,6 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     start = counts[2 * M : 2 * M + p + 1]
     column = counts[2 * M + p + 1 : 2 * M + 2 * p + 1]
     turned = counts[2 * M + 2 * p + 1 :]
-    turns = room[:0].reshape((1, 0, 0))
     start[0] = 0
     for j in range(N):
         y[j] = 0.0
@@ -87,7 +96,7 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
         r1 = offsets[k + 1]
         column[k] = c0
         turned[k] = 0
-        norm = scale[k] * frobenius(A, r0, r1)
+        norm = frobenius(W, r0, r1) if k == 0 else scale[k] * frobenius(A, r0, r1)
         r, proven = triangle(W, r0, r1, c0, M, rhs, norm, tol, start[k], ref_row, ref_col, ref_tau)
         start[k + 1] = start[k] + r
         if r == 0:
@@ -103,12 +112,10 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
                 y[c0 + j] = t[j]
             c0 += r
             continue
-        rank, V, U, S = turn_by_svd(W, r0, r1, c0, M, r, tol * scale[k] * spectral(A, r0, r1))
-        solve_level(W, n, r0, r1, c0, r, rank, U, S, t, 0.0, scale[k], kind, first, second, y)
-        if turns.shape[1] == 0:
-            turns = np.empty((p, n, n))
+        rank, _ = svd_level(
+            W, n, r0, r1, c0, M, r, A, r0, r1, scale[k], tol, t, kind, first, second, y, turns[k]
+        )
         turned[k] = r
-        turns[k, :r, :r] = V
         c0 += rank
     for k in range(p - 1, -1, -1):
         if turned[k]:

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import inlined, kernel
+from hqp_rp.core.kernels.compile import inlined, kernel, lean
 from hqp_rp.core.kernels.vector import (
     make_reflector,
     reflect_four_rows,
@@ -31,7 +31,7 @@ def padded(n):
     return (n + 7) // 8 * 8
 
 
-@kernel
+@lean
 def load(A, b, offsets, W, rhs, scale):
     """Copy A into W (filled up with zeros) and b into rhs, each level scaled by a power of two; False if not finite."""
     n = A.shape[1]
@@ -59,7 +59,7 @@ def load(A, b, offsets, W, rhs, scale):
     return finite
 
 
-@kernel
+@lean
 def frobenius(W, r0, r1):
     """Frobenius norm of rows r0:r1 of W, without overflow."""
     s = 0.0
@@ -94,7 +94,7 @@ def is_padded(W):
     return W.shape[1] % 8 == 0
 
 
-@kernel
+@lean
 def reflect_rows(W, i0, i1, V, t, column, tau):
     """Rows i0:i1 of W <- W - tau (W v) v^T with v = (1, V[t, column + 1:]) from `column` on."""
     n = W.shape[1]
@@ -118,7 +118,7 @@ def reflect_rows(W, i0, i1, V, t, column, tau):
         i += 1
 
 
-@kernel
+@lean
 def reflect_rows_by_all(W, i0, i1, V, t0, count, c0, tau, s0):
     """Rows i0:i1 of padded W <- W Q for reflectors t = 0 ... count - 1, row t0 + t of V from column c0 + t, with tau[s0 + t].
 
@@ -180,7 +180,7 @@ def householder(W, i, column, norm):
     return (beta - alpha) / beta
 
 
-@kernel
+@lean
 def lq(W, r0, r1, c0, rows_end, rhs, floor, t0, ref_row, ref_col, ref_tau):
     """Row-pivoted Householder LQ of W[r0:r1, c0:] in place; the reflectors also turn rows r1:rows_end.
 
@@ -242,7 +242,7 @@ def lower_block(W, r0, r1, c0, r):
     return L
 
 
-@kernel
+@lean
 def triangle(W, r0, r1, c0, rows_end, rhs, norm, tol, t0, ref_row, ref_col, ref_tau):
     """`lq` of rows r0:r1 within columns c0:, and whether its triangle proves that no singular value counts as zero.
 
@@ -286,6 +286,28 @@ def turn_by_svd(W, r0, r1, c0, rows_end, r, zero):
 
 
 @kernel
+def svd_level(W, n, r0, r1, c0, rows_end, r, A, o0, o1, unit, tol, t, kind, first, second, y, V):
+    """What SVD decides where the triangle proves nothing: rank by the library's rule, and the level's damped answer.
+
+    Rows r0:r1 of W hold L, as `lq` left it; A_k itself is `unit` * A[o0:o1]. The rows below are turned by V of L = U S V^T,
+    which is put into the leading part of V. y[c0:c0 + rank] <- f(S) U^T t, t (m,) being the right-hand side and f the policy's.
+    Returns (rank, smallest singular value that counts, 0 where one was cut).
+    """
+    rank, turn, U, S = turn_by_svd(W, r0, r1, c0, rows_end, r, tol * unit * spectral(A, o0, o1))
+    m = r1 - r0
+    last = S[r - 1] if r == min(m, n - c0) else 0.0
+    for j in range(rank):
+        s = 0.0
+        for i in range(m):
+            s += U[i, j] * t[i]
+        y[c0 + j] = s * damped_inverse(S[j], last, 0.0, kind, first * unit, second * unit)
+    for i in range(r):
+        for j in range(r):
+            V[i, j] = turn[i, j]
+    return rank, S[r - 1] if rank == r else 0.0
+
+
+@kernel
 def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, ref_row, ref_col, ref_tau):
     """Factor rows r0:r1 within columns c0: and decide their rank by the library's rule.
 
@@ -304,7 +326,7 @@ def factor(W, r0, r1, c0, rows_end, rhs, original, o0, o1, unit, tol, svd, t0, r
     return r, rank, V, U, S
 
 
-@kernel
+@lean
 def forward_substitution(W, r0, c0, r, t, y):
     """y[c0:c0 + r] from the leading triangle: L y = t."""
     for i in range(r):
@@ -329,7 +351,7 @@ def turn_vector(y, V, t, column, tau):
             y[col] -= dot * V[t, col]
 
 
-@kernel
+@lean
 def level_least_squares(W, r0, r1, c0, r, t):
     """t[:r] <- the y of min ||L y - t|| for the factor L (r1 - r0, r) that `lq` left in rows r0:r1, of full column rank."""
     if r == r1 - r0:
@@ -346,7 +368,13 @@ def level_least_squares(W, r0, r1, c0, r, t):
             dot += W[i, c0] * t[i - r0]
         t[0] = dot / square
     else:
-        tall_least_squares(lower_block(W, r0, r1, c0, r), t)
+        tall_level(W, r0, r1, c0, r, t)
+
+
+@kernel
+def tall_level(W, r0, r1, c0, r, t):
+    """`level_least_squares` with more rows than columns."""
+    tall_least_squares(lower_block(W, r0, r1, c0, r), t)
 
 
 @kernel
@@ -401,6 +429,19 @@ def turn_back_by(V, r, y, c0):
 
 
 @kernel
+def turn_forward_by(V, r, y, c0):
+    """y[c0:c0 + r] <- V^T y[c0:c0 + r], V its leading r x r part."""
+    turned = np.empty(r)
+    for i in range(r):
+        s = 0.0
+        for row in range(r):
+            s += V[row, i] * y[c0 + row]
+        turned[i] = s
+    for i in range(r):
+        y[c0 + i] = turned[i]
+
+
+@lean
 def turn_back_reflectors(W, y, t0, t1, ref_row, ref_col, ref_tau):
     """y <- Q y by reflectors t0:t1, in reverse order."""
     for t in range(t1 - 1, t0 - 1, -1):
@@ -415,7 +456,7 @@ def turn_back(W, y, c0, V, t0, t1, ref_row, ref_col, ref_tau):
     turn_back_reflectors(W, y, t0, t1, ref_row, ref_col, ref_tau)
 
 
-@kernel
+@lean
 def turn_forward(W, y, t0, t1, ref_row, ref_col, ref_tau):
     """y <- Q^T y by reflectors t0:t1."""
     for t in range(t0, t1):
