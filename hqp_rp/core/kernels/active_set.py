@@ -19,18 +19,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hqp_rp.core.kernels.cascade import finite, solve_level
-from hqp_rp.core.kernels.compile import inlined, kernel
+from hqp_rp.core.kernels.cascade import finite
+from hqp_rp.core.kernels.compile import inlined, kernel, lean
 from hqp_rp.core.kernels.orthogonal import (
     EPS,
+    level_least_squares,
     lq,
     padded,
-    spectral,
+    svd_level,
     triangle,
-    turn_back,
     turn_back_by,
-    turn_by_svd,
+    turn_back_reflectors,
     turn_forward,
+    turn_forward_by,
     turn_vector,
 )
 from hqp_rp.core.kernels.predict import guess_working_set
@@ -61,6 +62,7 @@ from hqp_rp.core.kernels.rows import (
     set_values,
     try_step,
     turn_rows,
+    turn_rows_by,
 )
 
 SOLVED = 0
@@ -84,8 +86,8 @@ class Room(NamedTuple):
     """Arrays that a search writes anew, few for the reason given in `Rows`.
 
     matrix (., padded n): the kept rows W of the working set, then the rows B of the level that count; factored.
-    done (n, padded n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END` and the
-    column `TURNED_AT` at which its `TURNED` columns were turned by an SVD.
+    done (n, padded n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END` and
+    the column `TURNED_AT` at which its `TURNED` columns were turned by an SVD, by turns[k] (p + 1, n, n).
     lists (5, .): `ENTERED` is W; `COUNTED` is B, or in the end the rows that a level determined; `REF_ROW`, `REF_COL` of the
     reflectors in `matrix`; `DONE_COL` of those in `done`.
     real (8, .): `ORIGIN`, which listed row stands where after the factorization's swaps; `TARGET` of each row of B;
@@ -94,6 +96,7 @@ class Room(NamedTuple):
 
     matrix: np.ndarray
     done: np.ndarray
+    turns: np.ndarray
     marks: np.ndarray
     lists: np.ndarray
     real: np.ndarray
@@ -107,58 +110,51 @@ def make_room(n, p, largest):
     return Room(
         np.empty((size, N)),
         np.empty((n, N)),
+        np.empty((p + 1, n, n)),  # pages that no SVD writes to are never touched
         np.zeros((p + 1, 4), np.int64),
         np.empty((5, size), np.int64),
         np.zeros((8, size)),
     )
 
 
-@kernel
-def from_free(room, turns, levels, step, move):
+@lean
+def from_free(room, levels, step, move):
     """move (n,) <- Z step: a step in the freedom that `levels` finished levels left, as a step of x."""
     n = len(room.done)
     for j in range(n):
         move[j] = step[j]
     for k in range(levels - 1, -1, -1):
         if room.marks[k, TURNED]:
-            turn_back_by(turns[k], room.marks[k, TURNED], move, room.marks[k, TURNED_AT])
+            turn_back_by(room.turns[k], room.marks[k, TURNED], move, room.marks[k, TURNED_AT])
         for t in range(room.marks[k, END] - 1, room.marks[k, FIRST] - 1, -1):
             turn_vector(move, room.done, t, room.lists[DONE_COL, t], room.real[DONE_TAU, t])
 
 
-@kernel
-def to_free(room, turns, levels, step):
+@lean
+def to_free(room, levels, step):
     """step <- the coordinates of a step of x, those of the freedom that `levels` finished levels left standing last."""
     for k in range(levels):
         for t in range(room.marks[k, FIRST], room.marks[k, END]):
             turn_vector(step, room.done, t, room.lists[DONE_COL, t], room.real[DONE_TAU, t])
         r = room.marks[k, TURNED]
         if r:
-            turn_back_by(turns[k, :r, :r].T.copy(), r, step, room.marks[k, TURNED_AT])
+            turn_forward_by(room.turns[k], r, step, room.marks[k, TURNED_AT])
 
 
-@kernel
-def keep_turns(room, turns, k, reflectors, V, v0):
-    """Remember what level k turned; returns `turns`, allocated when the first level needs it."""
-    n = len(room.done)
+@lean
+def keep_turns(room, k, reflectors, turned, v0):
+    """Remember what level k turned."""
     first = room.marks[k - 1, END] if k else 0
     room.marks[k, FIRST] = first
     room.marks[k, END] = first + reflectors
+    room.marks[k, TURNED] = turned
+    room.marks[k, TURNED_AT] = v0
     for t in range(reflectors):
-        column = room.lists[REF_COL, t]
-        room.lists[DONE_COL, first + t] = column
+        room.lists[DONE_COL, first + t] = room.lists[REF_COL, t]
         room.real[DONE_TAU, first + t] = room.real[REF_TAU, t]
         row = room.lists[REF_ROW, t]
         for j in range(room.done.shape[1]):
             room.done[first + t, j] = room.matrix[row, j]
-    r = len(V)
-    room.marks[k, TURNED] = r
-    room.marks[k, TURNED_AT] = v0
-    if r:
-        if turns.shape[1] == 0:
-            turns = np.empty((len(room.marks), n, n))
-        turns[k, :r, :r] = V
-    return turns
 
 
 @inlined
@@ -170,7 +166,7 @@ def length_of(x):
     return math.sqrt(s)
 
 
-@kernel
+@lean
 def start_from_values(rows, room, r0, r1, nW, size):
     """Working set of the point where the search stands: rows of the level that it violates, of W those at their bounds."""
     for i in range(r0, r1):
@@ -188,7 +184,7 @@ def start_from_values(rows, room, r0, r1, nW, size):
     return compress(listed, nW, rows)
 
 
-@kernel
+@lean
 def enter_level(rows, room, r0, r1, nW, most):
     """Working set to start a level with: what is violated or guessed of its rows, and the kept rows that are guessed."""
     for i in range(r0, r1):
@@ -208,7 +204,7 @@ def enter_level(rows, room, r0, r1, nW, most):
     return nW
 
 
-@kernel
+@lean
 def factor_working_set(rows, room, r0, r1, nW, c0, depends):
     """Gather W and B and factor W; rows of W that depend on others of it leave it.
 
@@ -245,39 +241,57 @@ def factor_working_set(rows, room, r0, r1, nW, c0, depends):
     return nW, rW, nB
 
 
-@kernel
-def factor_level(room, A, scale, norm, r0, r1, top, count, c0, rW, tol):
-    """Factor `count` rows of a level, at `top` in the matrix, in the freedom behind column c0 + rW; as `orthogonal.factor`."""
-    work = room.matrix
-    row, col, tau = room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU]
-    r, proven = triangle(work, top, top + count, c0 + rW, top + count, room.real[ORIGIN], norm, tol, rW, row, col, tau)
-    if r == 0 or proven:
-        empty = np.empty((0, 0))
-        return r, r, empty, empty, np.empty(0)
-    zero = tol * scale * spectral(A, r0, r1)
-    rank, V, U, S = turn_by_svd(work, top, top + count, c0 + rW, top + count, r, zero)
-    return r, rank, V, U, S
+@lean
+def factor_level(rows, room, r0, r1, top, count, c0, rW, tol):
+    """Factor `count` rows of level r0:r1, at `top` in the matrix, in the freedom behind column c0 + rW; as `triangle`."""
+    return triangle(
+        room.matrix, top, top + count, c0 + rW, top + count, room.real[ORIGIN], level_norm(rows, r0, r1), tol, rW,
+        room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU],
+    )  # fmt: skip
 
 
-@kernel
-def step_to_minimizer(rows, room, turns, levels, A, scale, z, r0, r1, last, top, rW, nB, c0, tol, size):
+@lean
+def answer_level(room, A, scale, r0, r1, top, count, c0, r, proven, tol, k, step):
+    """step[c0:c0 + rank] <- the least-squares answer of the factored rows to `TARGET`, the rank decided by the library's rule.
+
+    Returns (rank, columns turned by an SVD into turns[k], smallest pivot of the rank, 0 where one was cut).
+    """
+    target = room.real[TARGET]
+    if r == 0:
+        return 0, 0, np.inf
+    if not proven:
+        rank, pivot = svd_level(
+            room.matrix, len(room.done), top, top + count, c0, top + count, r, A, r0, r1, scale, tol, target,
+            0, 0.0, 0.0, step, room.turns[k],
+        )  # fmt: skip
+        return rank, r, pivot
+    level_least_squares(room.matrix, top, top + count, c0, r, target)
+    pivot = np.inf
+    for i in range(r):
+        step[c0 + i] = target[i]
+        pivot = min(pivot, abs(room.matrix[top + i, c0 + i]))
+    return r, 0, pivot
+
+
+@lean
+def step_to_minimizer(rows, room, k, A, scale, z, r0, r1, last, top, rW, nB, c0, tol, size):
     """Fill `STEP`, which leads to the minimizer over the working set, from the factored W; factor B.
 
     In the `last` level, what is minimized is ||x - z||; `GRADIENT` then is its gradient along W. Returns (reflectors, rank,
-    V, what the step is after as a length, smallest pivot of the kept rank).
+    columns turned by an SVD, what the step is after as a length, smallest pivot of the kept rank).
     """
     n = len(room.done)
     work = room.matrix
     origin = room.real[ORIGIN]
     step = room.real[STEP]
-    for j in range(n):
+    for j in range(len(step)):
         step[j] = 0.0
     sought = 0.0
     row, col, tau = room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU]
     if last:
         for j in range(n):
             step[j] = z[j] - rows.x[j]
-        to_free(room, turns, levels, step)
+        to_free(room, k, step)
         for j in range(c0):
             step[j] = 0.0
         for j in range(c0, n):
@@ -291,32 +305,28 @@ def step_to_minimizer(rows, room, turns, levels, A, scale, z, r0, r1, last, top,
         for j in range(i):
             s -= work[i, c0 + j] * step[c0 + j]
         step[c0 + i] = s / work[i, c0 + i]
-    empty = np.empty((0, 0))
     r = 0
     rank = 0
-    V = empty
+    turned = 0
     pivot = np.inf
     if nB:
-        r, rank, V, U, S = factor_level(room, A, scale, level_norm(rows, r0, r1), r0, r1, top, nB, c0, rW, tol)
-        for i in range(rank):
-            pivot = min(pivot, S[i] if len(S) else abs(work[top + i, c0 + rW + i]))
-        if rank < r:  # a direction was cut by the rank rule
-            pivot = 0.0
-        target = room.real[TARGET]
+        r, proven = factor_level(rows, room, r0, r1, top, nB, c0, rW, tol)
         for i in range(nB):
             own = room.lists[COUNTED, int(origin[top + i]) - top]
             s = bound_of(rows, own) - rows.real[VALUE, own]
             sought = max(sought, abs(s))
             for j in range(c0, c0 + rW):
                 s -= work[top + i, j] * step[j]
-            target[i] = s
-        solve_level(work, n, top, top + nB, c0 + rW, r, rank, U, S, target, 0.0, 1.0, 0, 0.0, 0.0, step)
-        turn_back(work, step, c0 + rW, V, rW, rW + r, row, col, tau)
-    turn_back(work, step, 0, empty, 0, rW, row, col, tau)
-    return r, rank, V, sought, pivot
+            room.real[TARGET, i] = s
+        rank, turned, pivot = answer_level(room, A, scale, r0, r1, top, nB, c0 + rW, r, proven, tol, k, step)
+        if turned:
+            turn_back_by(room.turns[k], turned, step, c0 + rW)
+        turn_back_reflectors(work, step, rW, rW + r, row, col, tau)
+    turn_back_reflectors(work, step, 0, rW, row, col, tau)
+    return r, rank, turned, sought, pivot
 
 
-@kernel
+@lean
 def multipliers(rows, room, top, nW, nB, c0, last, size):
     """Fill `MULTIPLIER` of W from L^T multiplier = -gradient; returns the largest miss of B, or in the last level ||gradient||.
 
@@ -364,7 +374,7 @@ def wrong_of_kept(rows, room, i, floor):
     return wrong if wrong > floor else 0.0
 
 
-@kernel
+@lean
 def leave(rows, row):
     """Release a row, or turn it to its other bound when a step carried it across a narrow band."""
     if rows.flags[STATE, row] != KEPT and rows.real[VALUE, row] < rows.real[LOW, row]:
@@ -375,7 +385,7 @@ def leave(rows, row):
         release(rows, row)
 
 
-@kernel
+@lean
 def row_to_leave(rows, room, nW, nB, residual, size, bland):
     """The row whose multiplier is most wrong, by Bland's rule the first such row; -1 at the optimum."""
     worst = -1
@@ -395,7 +405,7 @@ def row_to_leave(rows, room, nW, nB, residual, size, bland):
     return worst
 
 
-@kernel
+@lean
 def pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends):
     """Every row whose multiplier is wrong leaves, every row that the step's end violates enters.
 
@@ -446,7 +456,7 @@ def pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends
     return count, left, crossed
 
 
-@kernel
+@lean
 def still(rows, end, r0):
     """The change of a step that is rounding error: none."""
     for i in range(end):
@@ -456,10 +466,10 @@ def still(rows, end, r0):
 
 
 @inlined
-def move(rows, room, turns, levels, length):
+def move(rows, room, k, length):
     """x += length * Z step; False when x is not finite."""
     changed = room.real[MOVE]
-    from_free(room, turns, levels, room.real[STEP], changed)
+    from_free(room, k, room.real[STEP], changed)
     finite = True
     for j in range(len(rows.x)):
         rows.x[j] += length * changed[j]
@@ -477,15 +487,15 @@ def guessable(rows, r0, r1):
     return True
 
 
-@kernel
-def enter_guess(rows, room, turns, levels, z, r0, r1, last, nW, c0):
+@lean
+def enter_guess(rows, room, k, z, r0, r1, last, nW, c0):
     """W becomes the guessed one; returns its size."""
     n = len(room.done)
     goal = room.real[MOVE]
     if last:
         for j in range(n):
             goal[j] = z[j] - rows.x[j]
-        to_free(room, turns, levels, goal)
+        to_free(room, k, goal)
     guess_working_set(rows, r0, r1, c0, goal)
     entered = room.lists[ENTERED]
     for i in range(nW):
@@ -499,9 +509,9 @@ def enter_guess(rows, room, turns, levels, z, r0, r1, last, nW, c0):
     return count
 
 
-@kernel
-def search_level(rows, room, turns, levels, A, scale, z, r0, r1, last, nW, c0, tol, depends, allowed):
-    """Minimize one level. Returns (code, iterations, rows of W, of B, reflectors, rank, V, residual, pivot, size)."""
+@lean
+def search_level(rows, room, k, A, scale, z, r0, r1, last, nW, c0, tol, depends, allowed):
+    """Minimize level k. Returns (code, iterations, rows of W, of B, reflectors, rank, turned, residual, pivot, size)."""
     n = len(room.done)
     end = r1
     most = n - c0
@@ -514,11 +524,11 @@ def search_level(rows, room, turns, levels, A, scale, z, r0, r1, last, nW, c0, t
         iterations += 1
         top, nW, nB = factor_working_set(rows, room, r0, r1, nW, c0, depends)
         size = length_of(rows.x)
-        r, rank, V, sought, pivot = step_to_minimizer(
-            rows, room, turns, levels, A, scale, z, r0, r1, last, top, nW, nB, c0, tol, size
+        r, rank, turned, sought, pivot = step_to_minimizer(
+            rows, room, k, A, scale, z, r0, r1, last, top, nW, nB, c0, tol, size
         )
         if iterations > allowed:
-            return LIMIT, iterations, nW, nB, r, rank, V, 0.0, pivot, size
+            return LIMIT, iterations, nW, nB, r, rank, turned, 0.0, pivot, size
         size += sought  # the rounding error of what the step is after counts like that of x
         span = length_of(room.real[STEP, :n])
         moves = span > 4.0 * EPS * size  # else the step is rounding error
@@ -533,14 +543,14 @@ def search_level(rows, room, turns, levels, A, scale, z, r0, r1, last, nW, c0, t
             before = nW
             nW, left, crossed = pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends)
             if crossed == 0:
-                if moves and not move(rows, room, turns, levels, 1.0):
-                    return NOT_FINITE, iterations, nW, nB, r, rank, V, residual, pivot, size
+                if moves and not move(rows, room, k, 1.0):
+                    return NOT_FINITE, iterations, nW, nB, r, rank, turned, residual, pivot, size
                 if left == 0:
-                    return SOLVED, iterations, before, nB, r, rank, V, residual, pivot, size
+                    return SOLVED, iterations, before, nB, r, rank, turned, residual, pivot, size
             else:
                 set_length(rows, end, r0, 0.0)
             if blocks == BLOCK_PIVOTS - BLIND_PIVOTS and guessable(rows, r0, r1):
-                nW = enter_guess(rows, room, turns, levels, z, r0, r1, last, nW, c0)
+                nW = enter_guess(rows, room, k, z, r0, r1, last, nW, c0)
             if blocks == 0:
                 nW = start_from_values(rows, room, r0, r1, nW, length_of(rows.x))
             continue
@@ -548,8 +558,8 @@ def search_level(rows, room, turns, levels, A, scale, z, r0, r1, last, nW, c0, t
         if moves:
             length, blocking, which = first_to_block(rows, end, r0, span, 1e-12 * size if bland else 0.0, depends)
             set_length(rows, end, r0, length)
-            if not move(rows, room, turns, levels, length):
-                return NOT_FINITE, iterations, nW, nB, r, rank, V, 0.0, pivot, size
+            if not move(rows, room, k, length):
+                return NOT_FINITE, iterations, nW, nB, r, rank, turned, 0.0, pivot, size
         size = length_of(rows.x) + sought
         idle = idle + 1 if length * span <= 1e-13 * size else 0
         bland = idle > n
@@ -562,12 +572,12 @@ def search_level(rows, room, turns, levels, A, scale, z, r0, r1, last, nW, c0, t
         residual = multipliers(rows, room, top, nW, nB, c0, last, size)
         worst = row_to_leave(rows, room, nW, nB, residual, size, bland)
         if worst < 0:
-            return SOLVED, iterations, nW, nB, r, rank, V, residual, pivot, size
+            return SOLVED, iterations, nW, nB, r, rank, turned, residual, pivot, size
         leave(rows, worst)
         nW = compress(entered, nW, rows)
 
 
-@kernel
+@lean
 def settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict):
     """Sort the rows of a finished level into those it determined (rows of W held by a multiplier first) and kept ones.
 
@@ -612,9 +622,12 @@ def settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict):
     return nW, held, count, contradicting
 
 
-@kernel
-def factor_determined(rows, room, A, scale, r0, r1, held, count, c0, tol, depends):
-    """Factor what a level determined, where that is not the working set of its last step. As `factor_level`, with rows of W."""
+@lean
+def factor_determined(rows, room, A, scale, r0, r1, held, count, c0, tol, depends, k):
+    """Factor what a level determined, where that is not the working set of its last step: `held` rows of W, then its own.
+
+    Returns (reflectors of W, reflectors of the level, rank, columns turned by an SVD).
+    """
     listed = room.lists[COUNTED]
     origin = room.real[ORIGIN]
     for i in range(held):
@@ -623,16 +636,18 @@ def factor_determined(rows, room, A, scale, r0, r1, held, count, c0, tol, depend
         gather(rows, listed[i], c0, room.matrix, i)
     for i in range(count):
         origin[i] = i
+        room.real[TARGET, i] = 0.0
     rW = 0
     if held:
         rW = lq(
             room.matrix, 0, held, c0, count, origin, depends, 0,
             room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU],
         )  # fmt: skip
-    r, rank, V, _, _ = factor_level(
-        room, A, scale, level_norm(rows, r0, r1), r0, r1, held, count - held, c0, rW, tol
-    )  # fmt: skip
-    return rW, r, rank, V
+    r, proven = factor_level(rows, room, r0, r1, held, count - held, c0, rW, tol)
+    rank, turned, _ = answer_level(
+        room, A, scale, r0, r1, held, count - held, c0 + rW, r, proven, tol, k, room.real[STEP]
+    )
+    return rW, r, rank, turned
 
 
 @kernel
@@ -646,22 +661,28 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
     """
     M, n = A.shape
     p = len(offsets) - 1
-    rows = Rows(np.empty((M, padded(n))), np.empty((6, M)), np.empty((3, M), np.int64), side, x)
-    scale = np.empty(p + 1)
-    if not load_rows(A, lower, upper, offsets, rows, scale):
-        return NOT_FINITE, 0
     largest = 0
     for k in range(p):
         largest = max(largest, offsets[k + 1] - offsets[k])
+    rows = Rows(np.empty((M, padded(n))), np.empty((6, M)), np.empty((3, M), np.int64), side, x)
     room = make_room(n, p, largest)
-    turns = np.empty((1, 0, 0))
+    return search(rows, room, np.empty(p + 1), A, lower, upper, offsets, hard_rows, z, tol, limit, go_on, conflict)
+
+
+@lean
+def search(rows, room, scale, A, lower, upper, offsets, hard_rows, z, tol, limit, go_on, conflict):
+    """`hierarchical_active_set` in a given room."""
+    M, n = A.shape
+    p = len(offsets) - 1
+    if not load_rows(A, lower, upper, offsets, rows, scale):
+        return NOT_FINITE, 0
+    scale[p] = 1.0
     depends = max(tol, 1e-12)  # a kept row whose free part is smaller than this depends on the working set
     iterations = 0
     contradicting = 0
     smallest = np.inf
     nW = 0
     c0 = 0
-    scale[p] = 1.0
     for k in range(p + 1):
         last = k == p
         r0 = offsets[k] if not last else M
@@ -669,12 +690,12 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
         if c0 == n:
             break
         if r0 == r1 and not last:
-            keep_turns(room, turns, k, 0, np.empty((0, 0)), c0)
+            keep_turns(room, k, 0, 0, c0)
             continue
         set_values(A, scale[k], rows, r0, r1)
         nW = enter_level(rows, room, r0, r1, nW, n - c0)
-        code, tried, nW, nB, r, rank, V, residual, pivot, size = search_level(
-            rows, room, turns, k, A, scale[k], z, r0, r1, last, nW, c0, tol, depends, limit - iterations
+        code, tried, nW, nB, r, rank, turned, residual, pivot, size = search_level(
+            rows, room, k, A, scale[k], z, r0, r1, last, nW, c0, tol, depends, limit - iterations
         )
         iterations += tried
         if code != SOLVED:
@@ -689,17 +710,17 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
             return INFEASIBLE, iterations
         rW = entered
         if count == 0:
-            rW, r, rank, V = 0, 0, 0, np.empty((0, 0))
+            rW, r, rank, turned = 0, 0, 0, 0
         elif held < entered or count - held < nB:  # not the set of the last factorization
-            rW, r, rank, V = factor_determined(rows, room, A, scale[k], r0, r1, held, count, c0, tol, depends)
-        turns = keep_turns(room, turns, k, rW + r, V, c0 + rW)
-        if rW + r:
-            turn_rows(
-                rows, M, c0, room.matrix, V, c0 + rW, rW + r,
-                room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU],
-            )  # fmt: skip
+            rW, r, rank, turned = factor_determined(
+                rows, room, A, scale[k], r0, r1, held, count, c0, tol, depends, k
+            )
+        keep_turns(room, k, rW + r, turned, c0 + rW)
+        turn_rows(rows, M, room.matrix, rW + r, room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU])
+        if turned:
+            turn_rows_by(rows, M, room.turns[k], turned, c0 + rW)
         c0 += rW + rank
-    if not finite(x):
+    if not finite(rows.x):
         return NOT_FINITE, iterations
     if contradicting:
         return INFEASIBLE, iterations

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import inlined, kernel
-from hqp_rp.core.kernels.orthogonal import EPS
+from hqp_rp.core.kernels.compile import inlined, lean
+from hqp_rp.core.kernels.orthogonal import EPS, turn_forward_by
 from hqp_rp.core.kernels.vector import dot_row, reflect_four_rows, reflect_row
 
 WAITING = 0  # of a level that has not been reached
@@ -38,7 +38,7 @@ class Rows(NamedTuple):
     x: np.ndarray
 
 
-@kernel
+@lean
 def load_rows(A, lower, upper, offsets, rows, scale):
     """Fill `rows` and the scale of each level; False when a number is not finite. Rows are waiting, their values not yet set."""
     n = A.shape[1]
@@ -77,7 +77,7 @@ def load_rows(A, lower, upper, offsets, rows, scale):
     return finite
 
 
-@kernel
+@lean
 def set_values(A, scale, rows, r0, r1):
     """The values of rows r0:r1 at x, from the rows as they were given."""
     n = A.shape[1]
@@ -153,7 +153,7 @@ def gather_unit(rows, row, c0, out, at):
         out[at, j] = rows.R[row, j] / norm
 
 
-@kernel
+@lean
 def try_step(rows, end, r0, c0, step):
     """The change of every kept row, and of the rows r0:end of the level, along the whole step, whose first c0 entries are 0."""
     for i in range(end):
@@ -163,7 +163,7 @@ def try_step(rows, end, r0, c0, step):
             rows.real[BEFORE, i] = rows.real[VALUE, i]
 
 
-@kernel
+@lean
 def set_length(rows, end, r0, length):
     """Values after that part of the step that was tried; length 0 goes back to where it began."""
     for i in range(end):
@@ -191,7 +191,7 @@ def room_to_bound(rows, i, span, slack, depends):
     return part, side
 
 
-@kernel
+@lean
 def first_to_block(rows, end, r0, span, slack, depends):
     """(length, row, side): how far in [0, 1] the step that was tried goes and what stops it, a kept row or one of r0:end.
 
@@ -219,12 +219,10 @@ def free_rows_from(rows, i, end):
     return count
 
 
-@kernel
-def turn_rows(rows, end, c0, work, V, v0, reflectors, ref_row, ref_col, ref_tau):
-    """Turn the rows that are not fixed by the reflectors stored in `work`, then by V at column v0."""
+@lean
+def turn_rows(rows, end, work, reflectors, ref_row, ref_col, ref_tau):
+    """Turn the rows that are not fixed by the reflectors stored in `work`."""
     R = rows.R
-    r = len(V)
-    turned = np.empty(r)
     i = 0
     while i < end:
         count = free_rows_from(rows, i, end)
@@ -235,12 +233,12 @@ def turn_rows(rows, end, c0, work, V, v0, reflectors, ref_row, ref_col, ref_tau)
             for row in range(i, i + count):
                 for t in range(reflectors):
                     reflect_row(R, row, work, ref_row[t], ref_col[t], ref_tau[t])
-        for row in range(i, i + count if r else i):
-            for j in range(r):
-                s = 0.0
-                for col in range(r):
-                    s += R[row, v0 + col] * V[col, j]
-                turned[j] = s
-            for j in range(r):
-                R[row, v0 + j] = turned[j]
         i += max(count, 1)
+
+
+@lean
+def turn_rows_by(rows, end, V, r, v0):
+    """Turn columns v0:v0 + r of the rows that are not fixed by V, its leading r x r part."""
+    for i in range(end):
+        if rows.flags[STATE, i] != FIXED:
+            turn_forward_by(V, r, rows.R[i], v0)
