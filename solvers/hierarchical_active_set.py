@@ -80,8 +80,7 @@ class HierarchicalActiveSet(Solver):
             x = np.zeros(problem.n)
             side = np.zeros(rows, np.int64)
         else:
-            x, side = kept[0].copy(), kept[1]
-        conflict = np.zeros(rows, np.int64)
+            x, side = kept[0].copy(), kept[1].copy()
         limit = 200 + 10 * rows if self.max_iterations is None else self.max_iterations
         free = zeros(problem.n) if secondary is None else secondary
         try:
@@ -97,7 +96,6 @@ class HierarchicalActiveSet(Solver):
                 self.least_violation,
                 x,
                 side,
-                conflict,
             )
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             code, iterations = active_set.NOT_FINITE, 0
@@ -114,7 +112,7 @@ class HierarchicalActiveSet(Solver):
             return Solution(problem, answer, status, iterations, fault, secondary)
         self._kept.pop(key, None)
         if code == active_set.INFEASIBLE:
-            names = ", ".join(str(i) for i in np.flatnonzero(conflict))
+            names = ", ".join(str(i) for i in np.flatnonzero(side))
             message = f"Hard rows {names} contradict each other: no x meets them all."
             return Solution(
                 problem, x if self.least_violation else None, Status.INFEASIBLE, iterations, message, secondary

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import TypeAlias, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,15 @@ from hqp_rp.core.errors import ProblemError
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 _Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+class Stacked(NamedTuple):
+    """A problem with its hard rows on top: rows (M, n), bounds (M,), offsets (p + 2,), level 0 being the hard rows."""
+
+    matrix: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    offsets: IntArray
 
 
 class Level:
@@ -126,7 +135,7 @@ class Problem:
     Source: equations (2), (9) of the paper; Escande, Mansard and Wieber 2014 for two-sided rows at any level.
     """
 
-    __slots__ = ("_levels", "hard", "is_equality", "lower", "matrix", "n", "names", "offsets", "p", "stacked", "upper")
+    __slots__ = ("_levels", "_with_hard", "hard", "is_equality", "lower", "matrix", "n", "names", "offsets", "p", "stacked", "upper")
 
     stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray]
     matrix: FloatArray
@@ -141,14 +150,22 @@ class Problem:
 
     def __init__(self, levels: Sequence[Level], hard: Level | None = None) -> None:
         levels = _checked_levels(levels, hard)
+        on_top = 0 if hard is None else hard.m
+        everything = levels if hard is None else [hard, *levels]
         offsets = np.zeros(len(levels) + 1, dtype=np.int64)
         np.cumsum([level.m for level in levels], out=offsets[1:])
-        lower = np.concatenate([level.lower for level in levels])
+        lower = np.concatenate([level.lower for level in everything])
         equality = all(level.is_equality for level in levels)
-        upper = lower if equality else np.concatenate([level.upper for level in levels])
-        matrix = np.ascontiguousarray(np.concatenate([level.A for level in levels], axis=0))
+        upper = lower
+        if on_top or not equality:
+            upper = np.concatenate([level.upper for level in everything])
+        matrix = np.ascontiguousarray(np.concatenate([level.A for level in everything], axis=0))
         names = tuple(level.name or f"level {k + 1}" for k, level in enumerate(levels))
-        self._fill((matrix, lower, upper, offsets), names, hard, equality)
+        own_lower = lower[on_top:]
+        own_upper = own_lower if equality else upper[on_top:]
+        self._fill((matrix[on_top:], own_lower, own_upper, offsets), names, hard, equality)
+        if on_top:
+            object.__setattr__(self, "_with_hard", Stacked(matrix, lower, upper, _under(offsets, on_top)))
 
     @classmethod
     def from_stacked(
@@ -197,6 +214,7 @@ class Problem:
         set_(self, "p", len(stacked[3]) - 1)
         set_(self, "is_equality", equality)
         set_(self, "_levels", None)
+        set_(self, "_with_hard", None)
 
     @property
     def levels(self) -> tuple[Level, ...]:
@@ -206,6 +224,21 @@ class Problem:
             levels = tuple(self._views())
             object.__setattr__(self, "_levels", levels)
         return levels
+
+    @property
+    def with_hard(self) -> Stacked:
+        """The stacked arrays with the hard rows (none: an empty level) as level 0, for compiled kernels; do not write to them."""
+        found: Stacked | None = self._with_hard  # type: ignore[attr-defined]
+        if found is None:
+            matrix, lower, upper, offsets = self.stacked
+            on_top = 0 if self.hard is None else self.hard.m
+            if self.hard is not None and on_top:
+                matrix = np.concatenate((self.hard.A, matrix))
+                lower = np.concatenate((self.hard.lower, lower))
+                upper = np.concatenate((self.hard.upper, upper))
+            found = Stacked(matrix, lower, upper, _under(offsets, on_top))
+            object.__setattr__(self, "_with_hard", found)
+        return found
 
     def _views(self) -> Iterator[Level]:
         for k in range(self.p):
@@ -222,6 +255,14 @@ class Problem:
         rows = " + ".join(str(int(m)) for m in np.diff(self.offsets))
         hard = f", {self.hard.m} hard rows" if self.hard is not None else ""
         return f"Problem({rows} rows on {self.n} unknowns{hard})"
+
+
+def _under(offsets: IntArray, on_top: int) -> IntArray:
+    """Offsets of the same levels below a level 0 of `on_top` rows."""
+    starts = np.zeros(len(offsets) + 1, np.int64)
+    starts[1:] = offsets
+    starts[1:] += on_top
+    return starts
 
 
 def _rebuild(

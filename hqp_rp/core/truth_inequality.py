@@ -76,10 +76,10 @@ def searched_in_double_precision(problem: Problem, secondary: FloatArray, tolera
     upper = np.concatenate([level.upper for level in levels])
     offsets = np.cumsum([0, *(level.m for level in levels)])
     x, rows = np.zeros(problem.n), len(matrix)
-    side, conflict = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
+    side = np.zeros(rows, np.int64)
     arguments = (matrix, lower, upper, offsets, levels[0].m, secondary, tolerance, 200 + 10 * rows, False)
     try:
-        code, _ = active_set.hierarchical_active_set(*arguments, x, side, conflict)
+        code, _ = active_set.hierarchical_active_set(*arguments, x, side)
     except (ValueError, np.linalg.LinAlgError):  # its SVD meets an overflow that arose on the way
         return None
     solved = code in (active_set.SOLVED, active_set.DELICATE)

@@ -2,37 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.diagnostics import row_norms
-from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
+from hqp_rp.core.problem import FloatArray, Level, Problem, Stacked
 from hqp_rp.core.solver import RANK_TOLERANCE
-
-
-class Stacked(NamedTuple):
-    """A problem with its hard rows on top: rows (M, n), bounds (M,), offsets (p + 2,), level 0 being the hard rows."""
-
-    matrix: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    offsets: IntArray
 
 
 def with_hard_rows(problem: Problem) -> Stacked:
     """The stacked arrays of `problem` with the hard rows (none: an empty level) as level 0; not to be written to."""
-    matrix, lower, upper, offsets = problem.stacked
-    starts = np.zeros(len(offsets) + 1, np.int64)
-    starts[1:] = offsets
-    hard = problem.hard
-    if hard is not None and hard.m:
-        matrix = np.concatenate((hard.A, matrix))
-        lower = np.concatenate((hard.lower, lower))
-        upper = np.concatenate((hard.upper, upper))
-        starts[1:] += hard.m
-    return Stacked(matrix, lower, upper, starts)
+    return problem.with_hard
 
 
 def fault_of(

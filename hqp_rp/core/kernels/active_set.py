@@ -38,6 +38,7 @@ from hqp_rp.core.kernels.predict import guess_working_set
 from hqp_rp.core.kernels.rows import (
     BEFORE,
     CHANGE,
+    CONFLICT,
     FIXED,
     GUESS,
     KEPT,
@@ -86,7 +87,7 @@ class Room(NamedTuple):
     """Arrays that a search writes anew, few for the reason given in `Rows`.
 
     matrix (., padded n): the kept rows W of the working set, then the rows B of the level that count; factored.
-    done (n, padded n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END` and
+    done (M, padded n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END` and
     the column `TURNED_AT` at which its `TURNED` columns were turned by an SVD, by turns[k] (p + 1, n, n).
     lists (5, .): `ENTERED` is W; `COUNTED` is B, or in the end the rows that a level determined; `REF_ROW`, `REF_COL` of the
     reflectors in `matrix`; `DONE_COL` of those in `done`.
@@ -103,13 +104,13 @@ class Room(NamedTuple):
 
 
 @kernel
-def make_room(n, p, largest):
-    """Room for levels of up to `largest` rows."""
+def make_room(M, n, p, largest):
+    """Room for p levels of up to `largest` rows, M in all."""
     N = padded(n)
-    size = N + largest + 1
+    size = max(N + largest + 1, M)
     return Room(
-        np.empty((size, N)),
-        np.empty((n, N)),
+        np.empty((N + largest + 1, N)),
+        np.empty((M, N)),  # a level cut by the rank rule turns more often than it takes directions
         np.empty((p + 1, n, n)),  # pages that no SVD writes to are never touched
         np.zeros((p + 1, 4), np.int64),
         np.empty((5, size), np.int64),
@@ -120,7 +121,7 @@ def make_room(n, p, largest):
 @lean
 def from_free(room, levels, step, move):
     """move (n,) <- Z step: a step in the freedom that `levels` finished levels left, as a step of x."""
-    n = len(room.done)
+    n = room.turns.shape[1]
     for j in range(n):
         move[j] = step[j]
     for k in range(levels - 1, -1, -1):
@@ -234,9 +235,9 @@ def factor_working_set(rows, room, r0, r1, nW, c0, depends):
         for i in range(rW, nW):
             release(rows, entered[int(origin[i])])
         for i in range(rW):
-            room.lists[REF_ROW, rW + i] = entered[int(origin[i])]
+            room.real[TARGET, i] = entered[int(origin[i])]
         for i in range(rW):
-            entered[i] = room.lists[REF_ROW, rW + i]
+            entered[i] = int(room.real[TARGET, i])
             origin[i] = i
     return nW, rW, nB
 
@@ -261,7 +262,7 @@ def answer_level(room, A, scale, r0, r1, top, count, c0, r, proven, tol, k, step
         return 0, 0, np.inf
     if not proven:
         rank, pivot = svd_level(
-            room.matrix, len(room.done), top, top + count, c0, top + count, r, A, r0, r1, scale, tol, target,
+            room.matrix, room.turns.shape[1], top, top + count, c0, top + count, r, A, r0, r1, scale, tol, target,
             0, 0.0, 0.0, step, room.turns[k],
         )  # fmt: skip
         return rank, r, pivot
@@ -280,7 +281,7 @@ def step_to_minimizer(rows, room, k, A, scale, z, r0, r1, last, top, rW, nB, c0,
     In the `last` level, what is minimized is ||x - z||; `GRADIENT` then is its gradient along W. Returns (reflectors, rank,
     columns turned by an SVD, what the step is after as a length, smallest pivot of the kept rank).
     """
-    n = len(room.done)
+    n = room.turns.shape[1]
     work = room.matrix
     origin = room.real[ORIGIN]
     step = room.real[STEP]
@@ -466,10 +467,18 @@ def still(rows, end, r0):
 
 
 @inlined
-def move(rows, room, k, length):
-    """x += length * Z step; False when x is not finite."""
+def length_behind(x, change):
+    """||x + change||."""
+    s = 0.0
+    for j in range(len(x)):
+        s += (x[j] + change[j]) * (x[j] + change[j])
+    return math.sqrt(s)
+
+
+@inlined
+def move(rows, room, length):
+    """x += length * `MOVE`; False when x is not finite."""
     changed = room.real[MOVE]
-    from_free(room, k, room.real[STEP], changed)
     finite = True
     for j in range(len(rows.x)):
         rows.x[j] += length * changed[j]
@@ -490,7 +499,7 @@ def guessable(rows, r0, r1):
 @lean
 def enter_guess(rows, room, k, z, r0, r1, last, nW, c0):
     """W becomes the guessed one; returns its size."""
-    n = len(room.done)
+    n = room.turns.shape[1]
     goal = room.real[MOVE]
     if last:
         for j in range(n):
@@ -512,7 +521,7 @@ def enter_guess(rows, room, k, z, r0, r1, last, nW, c0):
 @lean
 def search_level(rows, room, k, A, scale, z, r0, r1, last, nW, c0, tol, depends, allowed):
     """Minimize level k. Returns (code, iterations, rows of W, of B, reflectors, rank, turned, residual, pivot, size)."""
-    n = len(room.done)
+    n = room.turns.shape[1]
     end = r1
     most = n - c0
     blocks = BLOCK_PIVOTS
@@ -530,6 +539,7 @@ def search_level(rows, room, k, A, scale, z, r0, r1, last, nW, c0, tol, depends,
         if iterations > allowed:
             return LIMIT, iterations, nW, nB, r, rank, turned, 0.0, pivot, size
         size += sought  # the rounding error of what the step is after counts like that of x
+        from_free(room, k, room.real[STEP], room.real[MOVE])
         span = length_of(room.real[STEP, :n])
         moves = span > 4.0 * EPS * size  # else the step is rounding error
         if moves:
@@ -539,11 +549,12 @@ def search_level(rows, room, k, A, scale, z, r0, r1, last, nW, c0, tol, depends,
         if blocks > 0:
             blocks -= 1
             set_length(rows, end, r0, 1.0)
+            size = length_behind(rows.x, room.real[MOVE]) + sought
             residual = multipliers(rows, room, top, nW, nB, c0, last, size)
             before = nW
             nW, left, crossed = pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends)
             if crossed == 0:
-                if moves and not move(rows, room, k, 1.0):
+                if moves and not move(rows, room, 1.0):
                     return NOT_FINITE, iterations, nW, nB, r, rank, turned, residual, pivot, size
                 if left == 0:
                     return SOLVED, iterations, before, nB, r, rank, turned, residual, pivot, size
@@ -558,7 +569,7 @@ def search_level(rows, room, k, A, scale, z, r0, r1, last, nW, c0, tol, depends,
         if moves:
             length, blocking, which = first_to_block(rows, end, r0, span, 1e-12 * size if bland else 0.0, depends)
             set_length(rows, end, r0, length)
-            if not move(rows, room, k, length):
+            if not move(rows, room, length):
                 return NOT_FINITE, iterations, nW, nB, r, rank, turned, 0.0, pivot, size
         size = length_of(rows.x) + sought
         idle = idle + 1 if length * span <= 1e-13 * size else 0
@@ -578,7 +589,7 @@ def search_level(rows, room, k, A, scale, z, r0, r1, last, nW, c0, tol, depends,
 
 
 @lean
-def settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict):
+def settle(rows, room, r0, r1, nW, hard_rows, residual, size):
     """Sort the rows of a finished level into those it determined (rows of W held by a multiplier first) and kept ones.
 
     The former are listed in `COUNTED`. Returns (size of W, rows of W determined, rows determined, contradicting hard rows).
@@ -614,7 +625,7 @@ def settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict):
             elif working:
                 release(rows, i)
         if i < hard_rows and w != 0.0:
-            conflict[i] = 1
+            rows.flags[CONFLICT, i] = 1
             if abs(w) > 1e-9 * (rows.real[NORM, i] * (size + 1.0) + abs(bound_of(rows, i))):
                 contradicting += 1
     for i in range(count):
@@ -651,26 +662,33 @@ def factor_determined(rows, room, A, scale, r0, r1, held, count, c0, tol, depend
 
 
 @kernel
-def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, go_on, x, side, conflict):
+def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, go_on, x, side):
     """Solve; returns (code, iterations). Level 0 is the hard rows (rows 0 ... hard_rows - 1; may be empty).
 
     x (n,): where to start, then the answer. side (M,): the bound at which a row is thought to be active (-1, 0, +1), then
-    the bounds at which rows are active. conflict (M,): 1 for each hard row of a contradiction when INFEASIBLE; the answer is
-    then the point of least violation, and the levels are optimized over such points only with `go_on`. DELICATE: solved near
-    a singularity, where the answer should be verified.
+    the bounds at which rows are active; when INFEASIBLE, 1 for each hard row of the contradiction and 0 for others. The answer
+    is then the point of least violation, and the levels are optimized over such points only with `go_on`. DELICATE: solved
+    near a singularity, where the answer should be verified.
     """
     M, n = A.shape
     p = len(offsets) - 1
     largest = 0
     for k in range(p):
         largest = max(largest, offsets[k + 1] - offsets[k])
-    rows = Rows(np.empty((M, padded(n))), np.empty((6, M)), np.empty((3, M), np.int64), side, x)
-    room = make_room(n, p, largest)
-    return search(rows, room, np.empty(p + 1), A, lower, upper, offsets, hard_rows, z, tol, limit, go_on, conflict)
+    rows = Rows(np.empty((M, padded(n))), np.empty((6, M)), np.empty((4, M), np.int64), side, x)
+    room = make_room(M, n, p, largest)
+    return search(rows, room, np.empty(p + 1), A, lower, upper, offsets, hard_rows, z, tol, limit, go_on)
+
+
+@inlined
+def name_conflict(rows):
+    """side <- 1 for each hard row of the contradiction, 0 for others."""
+    for i in range(len(rows.side)):
+        rows.side[i] = rows.flags[CONFLICT, i]
 
 
 @lean
-def search(rows, room, scale, A, lower, upper, offsets, hard_rows, z, tol, limit, go_on, conflict):
+def search(rows, room, scale, A, lower, upper, offsets, hard_rows, z, tol, limit, go_on):
     """`hierarchical_active_set` in a given room."""
     M, n = A.shape
     p = len(offsets) - 1
@@ -704,9 +722,10 @@ def search(rows, room, scale, A, lower, upper, offsets, hard_rows, z, tol, limit
             break
         smallest = min(smallest, pivot)
         entered = nW
-        nW, held, count, more = settle(rows, room, r0, r1, nW, hard_rows, residual, size, conflict)
+        nW, held, count, more = settle(rows, room, r0, r1, nW, hard_rows, residual, size)
         contradicting += more
         if contradicting and not go_on:
+            name_conflict(rows)
             return INFEASIBLE, iterations
         rW = entered
         if count == 0:
@@ -723,5 +742,6 @@ def search(rows, room, scale, A, lower, upper, offsets, hard_rows, z, tol, limit
     if not finite(rows.x):
         return NOT_FINITE, iterations
     if contradicting:
+        name_conflict(rows)
         return INFEASIBLE, iterations
     return DELICATE if smallest < 1e-6 else SOLVED, iterations

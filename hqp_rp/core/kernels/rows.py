@@ -16,7 +16,7 @@ KEPT = 1  # must stay within its bounds
 FIXED = 2  # determined: its value stays as it is
 
 LOW, UP, NORM, VALUE, CHANGE, BEFORE = range(6)
-STATE, WORKING, GUESS = range(3)
+STATE, WORKING, GUESS, CONFLICT = range(4)
 
 
 class Rows(NamedTuple):
@@ -24,8 +24,8 @@ class Rows(NamedTuple):
 
     R: (M, padded n): rows turned by what finished levels did; the columns of the freedom they left stand last. real (6, M): bounds
     `LOW` and `UP`, `NORM` ||a_i||, `VALUE` a_i x, its `CHANGE` along the step that is tried, and the value `BEFORE` it.
-    flags (3, M): `STATE` (`WAITING`, `KEPT` or `FIXED`), `WORKING` (1 in the working set), `GUESS` (the bound at which a warm
-    start hopes to find the row: -1, 0, +1). side (M,): the bound at which a row is active, -1 lower, +1 upper (an equality
+    flags (4, M): `STATE` (`WAITING`, `KEPT` or `FIXED`), `WORKING` (1 in the working set), `GUESS` (the bound at which a warm
+    start hopes to find the row: -1, 0, +1), `CONFLICT` (1 for a hard row of a contradiction). side (M,): the bound at which a row is active, -1 lower, +1 upper (an equality
     has both), 0 none. x: (n,).
 
     Few arrays, since a call passes each of them field by field, and at seven unknowns that is most of its cost.
@@ -70,6 +70,7 @@ def load_rows(A, lower, upper, offsets, rows, scale):
             rows.real[UP, i] = up
             rows.flags[STATE, i] = WAITING
             rows.flags[WORKING, i] = 0
+            rows.flags[CONFLICT, i] = 0
             rows.flags[GUESS, i] = rows.side[i]
             rows.side[i] = 0
             if np.isnan(low) or np.isnan(up) or low == np.inf or up == -np.inf:
@@ -138,8 +139,8 @@ def compress(W, count, rows):
 
 @inlined
 def gather(rows, row, c0, out, at):
-    """Copy the free columns (c0:) of a row to out[at]."""
-    for j in range(c0, rows.R.shape[1]):
+    """Copy the free columns (c0:) of a row to out[at], from the beginning of their chunk of eight."""
+    for j in range(c0 // 8 * 8, rows.R.shape[1]):
         out[at, j] = rows.R[row, j]
 
 
@@ -149,7 +150,7 @@ def gather_unit(rows, row, c0, out, at):
     norm = rows.real[NORM, row]
     if norm == 0.0:
         norm = 1.0
-    for j in range(c0, rows.R.shape[1]):
+    for j in range(c0 // 8 * 8, rows.R.shape[1]):
         out[at, j] = rows.R[row, j] / norm
 
 
