@@ -306,6 +306,8 @@ def step_to_minimizer(rows, room, k, A, scale, z, r0, r1, last, top, rW, nB, c0,
         for j in range(i):
             s -= work[i, c0 + j] * step[c0 + j]
         step[c0 + i] = s / work[i, c0 + i]
+        if last:
+            room.real[GRADIENT, i] += step[c0 + i]
     r = 0
     rank = 0
     turned = 0
