@@ -54,7 +54,7 @@ def compare(
     except KeyboardInterrupt:
         print(f"\nStopped. What is finished is kept in {output}; the same command goes on from there.", file=sys.stderr)
         return INTERRUPTED
-    for sentence in found.answer:
+    for sentence in (*found.left_out, *found.answer):
         print(f"- {sentence}")
     print(f"The report: {output / 'report.html'}")
     return 0
