@@ -10,11 +10,23 @@ import polars as pl
 from hqp_rp.compare.chart import Chart, Dots, Lines
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.limits_study import COUNTS, LimitCase, quantities
-from hqp_rp.compare.panels import VIOLATION_FLOOR, array, broken, curves, error_rows, grid, grouped, wide, words
+from hqp_rp.compare.panels import (
+    ERROR_FLOOR,
+    VIOLATION_FLOOR,
+    array,
+    broken,
+    curves,
+    error_rows,
+    grid,
+    grouped,
+    wide,
+    words,
+)
 
 _LEFT = "position limit violation left [rad]"
 _ALL = "position limit violation [rad]"
 _DISTANCE = "smallest distance [m]"
+_OVERLAP = "Curves that lie on each other are drawn wide under narrow."
 
 
 def limit_charts(
@@ -34,7 +46,7 @@ def limit_charts(
         *([_largest(case, contestants, measured)] if broken_kinds else []),
         _over_time(case, contestants, first, broken_kinds),
         _errors(case, contestants, first),
-        _avoidable(case, contestants, levels),
+        _room(case, contestants, levels),
     ]
     outside = measured.filter((pl.col("quantity") == _LEFT) & (pl.col("value") > COUNTS))["seed"].unique().sort()
     if outside.len():
@@ -61,7 +73,7 @@ def _largest(case: LimitCase, contestants: Sequence[Contestant], measured: pl.Da
         title=f"Largest violation of each kind of limit ({case.case.title})",
         caption=f"A small dot for each seed, a large one for their median; further right is better. Kept: never exceeded by "
         f"more than {COUNTS:g}. A position outside the limits at the start does not count until it grows. "
-        + ("" if case.told else "Nobody was told of these limits in this case. ")
+        + ("" if case.told else "Nobody was told of these limits in this case.")
         + _refused(case),
         x_label="largest violation, in the unit of the column",
         columns=tuple(known[kind] for kind in kinds),
@@ -86,7 +98,7 @@ def _over_time(
         title="Violation of each limit over time",
         caption=f"The first seed; at every step the largest of all joints or pairs, drawn at {VIOLATION_FLOOR:g} where it is "
         f"less. What lies below {COUNTS:g} is tolerance or rounding; kinds of limit that everyone kept are left out. "
-        + _refused(case),
+        f"{_margin(case)}{_OVERLAP} {_refused(case)}".rstrip(),
         x_label=case.case.scenario.abscissa,
         rows=[broken(name.replace(" added", "")) for name in shown],
         panels=[curves(_quantity(measured, name), contestants) for name in shown],
@@ -107,7 +119,7 @@ def _errors(case: LimitCase, contestants: Sequence[Contestant], measured: pl.Dat
         kind="errors-over-time",
         title="What each level misses its reference by",
         caption="The first seed, most important task first; the speed is the norm of what the solver asks for, 0 where it "
-        "has no answer.",
+        f"has no answer. {_OVERLAP}",
         x_label=case.case.scenario.abscissa,
         rows=[broken(name) for name in shown],
         panels=[curves(table, contestants) for table in tables],
@@ -115,8 +127,8 @@ def _errors(case: LimitCase, contestants: Sequence[Contestant], measured: pl.Dat
     )
 
 
-def _avoidable(case: LimitCase, contestants: Sequence[Contestant], levels: pl.DataFrame) -> Lines:
-    """The part of each level's residual that could have been avoided, over time."""
+def _room(case: LimitCase, contestants: Sequence[Contestant], levels: pl.DataFrame) -> Lines:
+    """The room that each level was left, over time."""
     first = levels.filter(pl.col("seed") == levels["seed"].min())
     names = case.case.levels
     tables = [
@@ -129,10 +141,11 @@ def _avoidable(case: LimitCase, contestants: Sequence[Contestant], levels: pl.Da
         case.case.scenario,
         case.case.name,
         contestants,
-        kind="avoidable-over-time",
-        title="What each level gives away needlessly",
-        caption="The first seed. Excess error: what a level's residual has above what the limits and the levels before it "
-        "allow, at the problem that this solver's own motion led to; pale where rounding alone explains it.",
+        kind="room-over-time",
+        title="What each level leaves unused",
+        caption="The first seed. Excess error: the part of a level's residual that points where the limits reached and the "
+        "levels before it leave room, at the problem that this solver's own motion led to; 0 at the optimum, drawn at "
+        f"{ERROR_FLOOR:g}; pale where rounding alone explains it. {_OVERLAP}",
         x_label=case.case.scenario.abscissa,
         rows=error_rows(names),
         panels=[curves(table, contestants) for table in tables],
@@ -167,6 +180,11 @@ def _quantity(measured: pl.DataFrame, name: str) -> pl.DataFrame:
 def _refused(case: LimitCase) -> str:
     refused = [outcome.label for outcome in case.outcomes if not outcome.answered]
     return f"Not drawn, because they refused the problem: {', '.join(refused)}." if refused else ""
+
+
+def _margin(case: LimitCase) -> str:
+    margin = getattr(case.case.scenario, "margin", None)
+    return "" if margin is None else f"The distance to keep is {margin:g} m. "
 
 
 def _slug(case: LimitCase, kind: str) -> str:

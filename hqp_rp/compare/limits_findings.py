@@ -8,6 +8,10 @@ from hqp_rp.compare.limits_study import COUNTS, LimitCase, LimitOutcome, Violati
 from hqp_rp.compare.report import listing, number, share
 from hqp_rp.core.solution import Status
 
+OPEN = (
+    "The figure is the largest part of a level's residual that points where the limits reached and the levels before leave "
+    "room, in the unit of its rates: 0 at the exact optimum only, and no less than what could have been avoided."
+)
 NEAR = 0.02
 """RMS errors that differ by no more than this share are called equal."""
 
@@ -38,7 +42,7 @@ def limit_sentences(case: LimitCase) -> tuple[str, ...]:
         _way_back(case),
         _not_solved(case),
         *_levels(case),
-        _given_away(case),
+        _room(case),
     ]
     return tuple(sentence for sentence in sentences if sentence)
 
@@ -50,12 +54,14 @@ def _keepers(cases: Sequence[LimitCase]) -> str:
     for label, held in took.items():
         groups.setdefault((sum(held), len(held)), []).append(label)
     parts = []
-    for (held, taken), labels in sorted(groups.items(), key=lambda item: (-item[0][0] / item[0][1], -item[0][1])):
-        everywhere = (
-            f"in all {taken} cases" if held == taken == len(cases) else f"in {held} of the {taken} cases they take"
-        )
-        parts.append(f"{everywhere}: {listing(labels)}")
-    return f"Limits kept to {number(COUNTS)} at every step, of {len(cases)} cases whose problem holds them: {'; '.join(parts)}."
+    for (kept, taken), labels in sorted(groups.items(), key=lambda item: (-item[0][0] / item[0][1], -item[0][1])):
+        some = "all" if kept == taken else f"{kept} of" if kept else "none of"
+        which = f"{some} {taken}" if taken == len(cases) else f"{some} the {taken} that they take"
+        parts.append(f"in {which} by {listing(labels)}")
+    return (
+        f"Of {len(cases)} cases whose problem holds the limits, all limits were kept, to {number(COUNTS)} at every step, "
+        f"{'; '.join(parts)}."
+    )
 
 
 def _breakers(cases: Sequence[LimitCase]) -> str:
@@ -110,8 +116,8 @@ def _price(cases: Sequence[LimitCase]) -> str:
             clean[outcome.label] = clean.get(outcome.label, True) and not outcome.wasteful
             honest[outcome.label] = honest.get(outcome.label, True) and outcome.admitted
             for level in outcome.denied if outcome.wasteful else ():
-                if level.avoidable is not None and level.avoidable > worst.get(outcome.label, (0.0, ""))[0]:
-                    worst[outcome.label] = (level.avoidable, level.name)
+                if level.open is not None and level.open > worst.get(outcome.label, (0.0, ""))[0]:
+                    worst[outcome.label] = (level.open, level.name)
     exact = [label for label, held in clean.items() if held]
     parts = []
     if exact:
@@ -122,11 +128,9 @@ def _price(cases: Sequence[LimitCase]) -> str:
             f"{label} ({number(value)}, {name}{', only on steps not called SOLVED' if honest[label] else ''})"
             for label, (value, name) in ordered
         ]
-        parts.append(f"needlessly little was given to some level by {listing(named)}")
+        parts.append(f"room was left unused by {listing(named)}")
     sentence = f"Price: {'; '.join(parts)}."
-    return sentence + (
-        " The figure is the largest avoidable residual of any step, in the unit of its rates." if worst else ""
-    )
+    return sentence + (f" {OPEN}" if worst else "")
 
 
 def _untold(cases: Sequence[LimitCase]) -> str:
@@ -218,18 +222,18 @@ def _levels(case: LimitCase) -> list[str]:
     return sentences
 
 
-def _given_away(case: LimitCase) -> str:
+def _room(case: LimitCase) -> str:
     wasteful = [outcome for outcome in case.answered if outcome.wasteful]
     if not wasteful:
-        return "No level was denied more than the limits and the levels before it required, by anyone."
+        return "Every level was served as well as the limits and the levels before it allow, by everyone."
     named = []
     for outcome in wasteful:
-        found = [f"{level.name} {number(level.avoidable)}" for level in outcome.denied if level.avoidable]
+        found = [f"{level.name} {number(level.open)}" for level in outcome.denied if level.open]
         admitted = "; only on steps not called SOLVED" if outcome.admitted else ""
         named.append(f"{outcome.label} ({', '.join(found)}{admitted})")
     others = [outcome.label for outcome in case.answered if not outcome.wasteful]
-    sentence = f"Denied more than was required: {listing(named)}, the largest avoidable residual of any step."
-    return sentence + (f" Nothing beyond rounding: {listing(others)}." if others else "")
+    sentence = f"Room left unused, the largest of any step: {listing(named)}."
+    return sentence + (f" None beyond rounding: {listing(others)}." if others else "")
 
 
 def _by_label(cases: Sequence[LimitCase], holds: Callable[[LimitOutcome], bool]) -> dict[str, list[bool]]:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.study import KEPT, Case, Outcome, cases
@@ -70,15 +71,18 @@ class Denied:
     """What one level was refused of what it asked for, in the unit of its rates, at the problems that the contestant met.
 
     Attributes:
-        rms: of the residual, over all steps with an answer.
-        avoidable: the largest part of a residual that the limits and the levels before would have allowed to avoid, less
-            what rounding explains, over the steps whose rank is not ambiguous; relative: the same over ||A_k|| ||x|| + ||b_k||.
-        claimed: as avoidable, over the steps that were called SOLVED.
+        rms: of the residual, over all steps with an answer. optimum: the same of the exact optimum of these problems, None
+            where it was not computed.
+        open: the certificate's excess, largest over the steps whose rank is not ambiguous, less what rounding explains: the
+            part of a residual that points where the limits reached and the levels before leave room. It is 0 exactly where
+            nothing could have been avoided, and otherwise no less than what could: a limit not yet reached may cap it.
+        claimed: as open, over the steps that were called SOLVED. relative: open over ||A_k|| ||x|| + ||b_k||.
     """
 
     name: str
     rms: float
-    avoidable: float | None
+    optimum: float | None
+    open: float | None
     claimed: float | None
     relative: float | None
 
@@ -121,15 +125,15 @@ class LimitOutcome:
 
     @property
     def wasteful(self) -> bool:
-        """Whether some level could have been served better, beyond rounding."""
+        """Whether some level could have been served better, beyond rounding: room for it was left open."""
         return any(level.relative is not None and level.relative > KEPT for level in self.denied)
 
     @property
     def admitted(self) -> bool:
-        """Whether no more than rounding could have been avoided on the steps that it called SOLVED."""
+        """Whether no room beyond rounding was left open on the steps that it called SOLVED."""
         return all(
-            level.claimed is None or level.avoidable is None or level.relative is None or not level.avoidable
-            or level.claimed * level.relative / level.avoidable <= KEPT
+            level.claimed is None or level.open is None or level.relative is None or not level.open
+            or level.claimed * level.relative / level.open <= KEPT
             for level in self.denied
         )  # fmt: skip
 
@@ -243,27 +247,31 @@ def _error(quantity: str, measured: pl.DataFrame) -> TaskError:
     return TaskError(
         name=match["name"],
         unit=match["unit"],
-        rms=float(np.sqrt(np.mean(measured["value"].to_numpy() ** 2))),
+        rms=_rms(measured["value"].to_numpy()),
         peak=_number(measured["value"].max()),
         end=_number(last["value"].mean()),
     )
 
 
 def _denied(name: str, level: int, outcome: Outcome, levels: pl.DataFrame) -> Denied:
-    residual = levels.filter(pl.col("level") == level)["residual"].drop_nulls().to_numpy()
-    clear = (
-        levels.filter((pl.col("level") == level) & ~pl.col("ambiguous"))
-        .with_columns((pl.col("excess") - pl.col("uncertainty")).clip(lower_bound=0.0).alias("sure"))
-        .drop_nulls("sure")
+    answered = levels.filter(pl.col("level") == level).drop_nulls("residual")
+    optimal = answered["optimal_residual"].to_numpy()
+    clear = answered.filter(~pl.col("ambiguous")).with_columns(
+        (pl.col("excess") - pl.col("uncertainty")).clip(lower_bound=0.0).alias("sure")
     )
     claimed = clear.filter(pl.col("status") == Status.SOLVED.name)
     return Denied(
         name=name,
-        rms=float(np.sqrt(np.mean(residual**2))) if len(residual) else float("nan"),
-        avoidable=_number(clear["sure"].max()) if clear.height else None,
+        rms=_rms(answered["residual"].to_numpy()),
+        optimum=_rms(optimal) if len(optimal) and np.isfinite(optimal).all() else None,
+        open=_number(clear["sure"].max()) if clear.height else None,
         claimed=_number(claimed["sure"].max()) if claimed.height else None,
         relative=outcome.proven[level - 1] if len(outcome.proven) >= level else None,
     )
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def _way_back(measured: pl.DataFrame, period: float) -> tuple[int, float | None]:

@@ -85,18 +85,19 @@ def _denied(case: LimitCase) -> Table:
         (
             outcome.label,
             share(outcome.outcome.within),
-            *(f"{number(level.rms)} / {number(level.avoidable)}" for level in outcome.denied),
+            *(f"{number(level.rms)} / {number(level.optimum)} / {number(level.open)}" for level in outcome.denied),
         )
         for outcome in case.answered
     )
     return Table(
-        f"{_title(case)}: what each level was denied / what of it could have been avoided",
+        f"{_title(case)}: what each level was denied / at the exact optimum / room left unused",
         header,
         rows,
-        "Root mean square of the level's residual in the unit of its rates / the largest part of a residual that the limits "
-        "and the levels before it would have allowed to avoid, less what rounding explains: 0 is the exact optimum. x* by "
-        f"{'; '.join(case.case.reference)}. Steps whose rank is ambiguous ({share(case.case.ambiguous)}) do not count in what "
-        "could have been avoided, nor in the distance to x*.",
+        "Root mean square of the level's residual in the unit of its rates / the same of the exact optimum x* of the problems "
+        "that this solver met / the largest part of a residual that points where the limits reached and the levels before it "
+        "leave room, less what rounding explains: 0 is the optimum given the levels before, and what could have been avoided "
+        f"is at most the figure. x* by {'; '.join(case.case.reference)}. Steps whose rank is ambiguous "
+        f"({share(case.case.ambiguous)}) do not count in the room left, nor in the distance to x*.",
     )
 
 
