@@ -45,6 +45,7 @@ def saturation_null_space(A, rhs_given, offsets, low, high, zeta, tol, optimal, 
         full, U, S, Vt = split(np.dot(J, Z), zero)
         if full == 0:
             continue
+        scale = 0.0
         if optimal and unfinished < 0:
             scale, more = optimal_level(J, t, full, U, S, Vt, Z, low, high, zeta, side, mu, x)
             tried += more
