@@ -68,7 +68,8 @@ class SaturationNullSpace(Solver):
 
     Returns a `ScaledSolution`; `iterations` is the number of saturations tried and releases. Hard rows with more than one
     unknown and two-sided levels are refused. Where "optimal" runs out of iterations (20 for each unknown and level), the
-    status is `INACCURATE`: that level and those below it are the basic algorithm's.
+    status is `INACCURATE`: that level and those below it are the basic algorithm's. It is so too where a level is off
+    `A_k x = s_k b_k` by more than the tolerance, which near a singularity may happen beside saturated unknowns.
 
     Source: Flacco, De Luca and Khatib 2012 (N levels); Flacco, De Luca and Khatib 2015 (both variants; the release is
     taken from the authors' public library sns_ik).
@@ -132,17 +133,22 @@ class SaturationNullSpace(Solver):
         x, scales = np.empty(n), np.empty(problem.p)
         free = zeros(n) if secondary is None else secondary
         try:
-            finite, tried, unfinished = saturation_levels.saturation_null_space(
+            finite, tried, unfinished, missed = saturation_levels.saturation_null_space(
                 matrix, rhs, offsets, low, high, free, self.rank_tolerance, self.variant == "optimal", x, scales
             )
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
-            finite, tried, unfinished = False, 0, -1
+            finite, tried, unfinished, missed = False, 0, -1, -1
         if not finite:
             return Solution(problem, None, Status.NOT_FINITE, tried, _OVERFLOW, secondary)
         status, message = Status.SOLVED, ""
         if unfinished >= 0:
             status = Status.INACCURATE
             message = f"Iterations ran out at level {unfinished + 1}; from there on it is the basic algorithm's answer."
+        elif missed >= 0:
+            status = Status.INACCURATE
+            message = (
+                f"Rounding at the bounds left level {missed + 1} off its scaled task by more than {self.tolerance:g}."
+            )
         solution = ScaledSolution(problem, x, status, tried, message, secondary)
         solution.scales = scales
         return solution

@@ -194,10 +194,31 @@ def test_when_iterations_run_out_the_status_says_so(monkeypatch: pytest.MonkeyPa
     assert "Iterations ran out at level 1" in solution.message
 
 
-def _unfinished(*arguments: object) -> tuple[bool, int, int]:
+def _unfinished(*arguments: object) -> tuple[bool, int, int, int]:
     x, scales = arguments[-2:]
     x[:], scales[:] = 0.0, 1.0  # type: ignore[index]
-    return True, 1, 0
+    return True, 1, 0, -1
+
+
+@pytest.mark.parametrize("solver", [BASIC, OPTIMAL], ids=["basic", "optimal"])
+def test_solved_means_that_every_level_is_where_its_scale_puts_it(solver: SaturationNullSpace) -> None:
+    """Also near a singularity, where saturated unknowns make ill-conditioned systems; what is off says so."""
+    statuses = set()
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        A1 = rng.standard_normal((2, 3))
+        A2 = rng.standard_normal((2, 2)) @ A1 + 10.0 ** rng.uniform(-11, -6) * rng.standard_normal((2, 3))
+        hard = Level(np.eye(3), -rng.uniform(0, 2, 3), rng.uniform(0, 2, 3))
+        solution = solver.solve(Problem([Level.equality(A, rng.standard_normal(2)) for A in (A1, A2)], hard))
+        assert isinstance(solution, ScaledSolution)
+        statuses.add(solution.status)
+        level, s = solution.problem.levels[0], solution.scales[0]
+        if solution.status is Status.SOLVED:
+            scale = np.linalg.norm(level.A) * np.linalg.norm(solution.x) + np.linalg.norm(level.lower)
+            assert np.linalg.norm(level.A @ solution.x - s * level.lower) <= 2e-9 * scale
+        else:
+            assert "off its scaled task by more than 1e-09" in solution.message
+    assert statuses == {Status.SOLVED, Status.INACCURATE}
 
 
 def test_multipliers_fit_the_bounds_they_belong_to() -> None:
