@@ -50,7 +50,11 @@ def limit_charts(
     ]
     outside = measured.filter((pl.col("quantity") == _LEFT) & (pl.col("value") > COUNTS))["seed"].unique().sort()
     if outside.len():
-        charts.append(_way_back(case, contestants, measured.filter(pl.col("seed") == outside[0]), int(outside[0])))
+        back = max(
+            (outcome.back or case.duration for outcome in case.answered if outcome.outside), default=case.duration
+        )
+        start = measured.filter((pl.col("seed") == outside[0]) & (pl.col("parameter") <= 3.0 * back))
+        charts.append(_way_back(case, contestants, start, int(outside[0])))
     return [chart for chart in charts if not isinstance(chart, Lines) or any(map(any, chart.panels))]
 
 
@@ -94,8 +98,8 @@ def _over_time(
         case.case.scenario,
         case.case.name,
         contestants,
-        kind="violations-over-time",
-        title="Violation of each limit over time",
+        kind="limits-over-time",
+        title="Limits over time",
         caption=f"The first seed; at every step the largest of all joints or pairs, drawn at {VIOLATION_FLOOR:g} where it is "
         f"less. What lies below {COUNTS:g} is tolerance or rounding; kinds of limit that everyone kept are left out. "
         f"{_margin(case)}{_OVERLAP} {_refused(case)}".rstrip(),
@@ -164,7 +168,7 @@ def _way_back(case: LimitCase, contestants: Sequence[Contestant], measured: pl.D
         kind="way-back",
         title="The way back of a start outside the limits",
         caption=f"Seed {seed}, whose start is outside a position limit: how far outside the joint farthest out still is, and "
-        "what the way back costs in velocity and acceleration limits.",
+        f"what the way back costs in velocity and acceleration limits, until some time after all are inside. {_OVERLAP}",
         x_label=case.case.scenario.abscissa,
         rows=[broken(name) for name in shown],
         panels=[curves(_quantity(measured, name), contestants) for name in shown],

@@ -165,7 +165,7 @@ def _kept_here(case: LimitCase) -> list[str]:
     for i, violation in enumerate(case.answered[0].violations):
         broke = [outcome for outcome in case.answered if not outcome.violations[i].kept]
         if broke:
-            broke.sort(key=lambda outcome: -outcome.violations[i].largest)
+            broke.sort(key=lambda outcome: -float(f"{outcome.violations[i].largest:.1e}"))  # ties stay in line
             named = _broken([(outcome, outcome.violations[i]) for outcome in broke])
             sentences.append(f"{violation.kind.capitalize()} limits broken by {named}.")
     return sentences
@@ -228,7 +228,7 @@ def _room(case: LimitCase) -> str:
         return "Every level was served as well as the limits and the levels before it allow, by everyone."
     named = []
     for outcome in wasteful:
-        found = [f"{level.name} {number(level.open)}" for level in outcome.denied if level.open]
+        found = [f"{level.name} {number(level.open)}" for level in outcome.denied if level.left]
         admitted = "; only on steps not called SOLVED" if outcome.admitted else ""
         named.append(f"{outcome.label} ({', '.join(found)}{admitted})")
     others = [outcome.label for outcome in case.answered if not outcome.wasteful]

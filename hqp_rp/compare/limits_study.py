@@ -86,6 +86,11 @@ class Denied:
     claimed: float | None
     relative: float | None
 
+    @property
+    def left(self) -> bool:
+        """Whether room was left beyond the tolerance that solvers declare."""
+        return self.relative is not None and self.relative > KEPT
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class LimitOutcome:
@@ -126,7 +131,7 @@ class LimitOutcome:
     @property
     def wasteful(self) -> bool:
         """Whether some level could have been served better, beyond rounding: room for it was left open."""
-        return any(level.relative is not None and level.relative > KEPT for level in self.denied)
+        return any(level.left for level in self.denied)
 
     @property
     def admitted(self) -> bool:

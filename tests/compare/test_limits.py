@@ -158,12 +158,12 @@ def test_the_report_shows_it_in_tables_and_charts(found: Comparison) -> None:
     assert denied["lazy"] == ("1.5 / 1 / 1.5", "1 / 0 / 1")
     assert [chart.name for chart in report.charts()] == [
         "bounded-violations-hard",
-        "bounded-violations-over-time-hard",
+        "bounded-limits-over-time-hard",
         "bounded-errors-over-time-hard",
         "bounded-room-over-time-hard",
         "bounded-way-back-hard",
         "bounded-violations-no-limits",
-        "bounded-violations-over-time-no-limits",
+        "bounded-limits-over-time-no-limits",
         "bounded-errors-over-time-no-limits",
         "bounded-room-over-time-no-limits",
         "bounded-way-back-no-limits",
