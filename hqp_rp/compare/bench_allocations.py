@@ -66,19 +66,20 @@ def allocations(labels: Sequence[str], families: Sequence[str]) -> tuple[tuple[A
 
 def _counted(call: Callable[[], Any]) -> tuple[float, float, float]:
     """(arrays of compiled code, bytes kept, bytes beyond these at the most) of one call."""
-    from numba.core.runtime import rtsys
+    from numba.core.runtime import nrt
 
+    runtime: Any = nrt.rtsys
     for _ in range(3):  # workspaces are made, names are looked up
         call()
     tracemalloc.start()
     try:
         call()
-        arrays = rtsys.get_allocation_stats().alloc
+        arrays = runtime.get_allocation_stats().alloc
         before, _ = tracemalloc.get_traced_memory()
         tracemalloc.reset_peak()
         answer = call()
         after, peak = tracemalloc.get_traced_memory()
-        arrays = rtsys.get_allocation_stats().alloc - arrays
+        arrays = runtime.get_allocation_stats().alloc - arrays
     finally:
         tracemalloc.stop()
     del answer

@@ -140,7 +140,9 @@ def _pass(loop: Callable[[int], Any], instances: int) -> tuple[Callable[[], Any]
 
 def _judged(problems: Sequence[Problem], loop: Loop, known: Any) -> Accuracy:
     answers = loop(1).copy()
-    return judge(problems, [functools.partial(answers.__getitem__, i) for i in range(len(problems))], lambda x: x, known)
+    return judge(
+        problems, [functools.partial(answers.__getitem__, i) for i in range(len(problems))], lambda x: x, known
+    )
 
 
 def c_loop(problems: Sequence[Problem]) -> Loop:

@@ -28,7 +28,9 @@ def checked_lexls(folder: pathlib.Path | None, eigen: pathlib.Path | None) -> tu
     """The folders of LexLS and of Eigen, or None without LexLS. Raises `SettingError` when one is not what it should be."""
     if folder is None:
         if eigen is not None:
-            raise SettingError(f"eigen is {str(eigen)!r}, and LexLS, which it is for, is not asked for; give lexls too.")
+            raise SettingError(
+                f"eigen is {str(eigen)!r}, and LexLS, which it is for, is not asked for; give lexls too."
+            )
         return None
     if not (folder / HEADER).is_file():
         raise SettingError(
@@ -59,7 +61,8 @@ def lexls_loops(problems: Sequence[Problem], folders: tuple[str, str]) -> dict[s
     A, b, offsets = stacked(problems)
     count, M, n = A.shape
     rows = np.diff(offsets)
-    data = np.ascontiguousarray(np.concatenate([A, b[:, :, None]], axis=2).transpose(0, 2, 1))  # by columns, as Eigen has it
+    # By columns, as Eigen has it.
+    data = np.ascontiguousarray(np.concatenate([A, b[:, :, None]], axis=2).transpose(0, 2, 1))
     x = np.empty((count, n))
 
     def looped(way: int) -> Loop:
@@ -79,4 +82,3 @@ def _library(folders: tuple[str, str]) -> ctypes.CDLL:
     lexls, eigen = folders
     includes = itertools.chain.from_iterable(("-I", path) for path in (str(pathlib.Path(lexls) / "include"), eigen))
     return build("lexls.cpp", "c++", "-std=c++14", "-DNDEBUG", *includes)
-

@@ -43,7 +43,9 @@ def build(source: str, language: str, *flags: str) -> ctypes.CDLL:
     variable, usual = _COMPILERS[language]
     command = shlex.split(os.environ.get(variable, "")) or [usual]
     if shutil.which(command[0]) is None:
-        raise NotBuilt(f"there is no {language.upper()} compiler {command[0]!r} here (install one, or name it in {variable})")
+        raise NotBuilt(
+            f"there is no {language.upper()} compiler {command[0]!r} here (install one, or name it in {variable})"
+        )
     with tempfile.TemporaryDirectory() as folder:
         library = pathlib.Path(folder) / "native.so"
         done = subprocess.run(
@@ -53,8 +55,9 @@ def build(source: str, language: str, *flags: str) -> ctypes.CDLL:
             check=False,
         )
         if done.returncode:
-            faults = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines() or ["no word"]
-            raise NotBuilt(f"{command[0]} did not compile {source}: {faults[0].strip()}")
+            said = done.stderr.splitlines() or ["no word"]
+            fault = next((line for line in said if "error" in line), said[0])
+            raise NotBuilt(f"{command[0]} did not compile {source}: {fault.strip()}")
         return ctypes.CDLL(str(library))  # stays loaded when the folder is gone
 
 
@@ -72,7 +75,8 @@ def caller(function: Any, *arguments: Any) -> Callable[[int], None]:
     """
     kinds = {float: ctypes.c_double, int: ctypes.c_long}
     prepared = [
-        ctypes.c_void_p(item.ctypes.data) if isinstance(item, np.ndarray) else kinds[type(item)](item) for item in arguments
+        ctypes.c_void_p(item.ctypes.data) if isinstance(item, np.ndarray) else kinds[type(item)](item)
+        for item in arguments
     ]
     function.restype = ctypes.c_int
 

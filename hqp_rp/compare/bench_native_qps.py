@@ -15,7 +15,10 @@ from hqp_rp.compare.bench_timing import LocalRunner, Ratio, Timing, interleaved,
 from hqp_rp.core.problem import Problem
 from hqp_rp.core.solver import get_solver
 
-QP_FAMILIES = ("7_3-3", "7_3-3-7", "30", "100", "7_limits", "7_limits_path", "humanoid_20", "humanoid_40", "humanoid_40_path")
+QP_FAMILIES = (
+    *("7_3-3", "7_3-3-7", "30", "100"),
+    *("7_limits", "7_limits_path", "humanoid_20", "humanoid_40", "humanoid_40_path"),
+)
 """On which families."""
 
 CASCADE, NATIVE = "qp_cascade on ProxQP", "its own native QPs"
@@ -60,7 +63,12 @@ class _Call:
 
 
 def native_qps(
-    names: Sequence[str], *, quick: bool = False, calls: int = 1000, budget: float = 0.25, say: Callable[[str], None] = lambda _: None
+    names: Sequence[str],
+    *,
+    quick: bool = False,
+    calls: int = 1000,
+    budget: float = 0.25,
+    say: Callable[[str], None] = lambda _: None,
 ) -> tuple[NativeQps, ...]:
     """Time both in turn on each family of these names.
 

@@ -10,6 +10,7 @@ from hqp_rp.compare.bench_accuracy import ACCEPTED
 from hqp_rp.compare.bench_extra import BATCH, COUNTED_FAMILY, GROWERS, LEVEL_ROWS, LEVEL_UNKNOWNS, Curves
 from hqp_rp.compare.bench_families import FAMILIES
 from hqp_rp.compare.bench_history import MARGIN
+from hqp_rp.compare.bench_inside_report import inside_answer, inside_section
 from hqp_rp.compare.bench_measure import HEADLINE, Measured, Result, Row
 from hqp_rp.compare.bench_timing import PARTS, TURN, ratio
 from hqp_rp.compare.chart import Bars, Line, Lines, styles
@@ -39,6 +40,7 @@ def bench_report(done: Bench) -> Report:
     measured = done.measured
     solved = [result for result in measured.results if result.name in FAMILIES]
     steps = [result for result in measured.results if result.name not in FAMILIES]
+    inside = inside_section(measured.inside)
     sections = [
         Section("The answer", answer(measured), listed=True),
         Section(
@@ -47,6 +49,7 @@ def bench_report(done: Bench) -> Report:
             charts=tuple(_bars(measured)),
             tables=tuple(_ratios(result) for result in measured.results),
         ),
+        *([inside] if inside is not None else []),
         Section("Against the last run", done.against, listed=True),
         Section("What this cannot tell", (*_CANNOT_TELL, *measured.missing), listed=True),
     ]
@@ -90,6 +93,7 @@ def answer(measured: Measured) -> tuple[str, ...]:
                 f"{result.title}: {ours.label}, {_us(ours.timing.median)} us, is {words} the fastest certified peer, "
                 f"{peers.label}."
             )
+    sentences += inside_answer(measured.inside)
     for name, threads, rate in measured.batch:
         if threads == max(t for _, t, _ in measured.batch):
             cores = "1 core" if threads == 1 else f"{threads} cores"

@@ -20,6 +20,7 @@ from hqp_rp.compare.bench_entrants import numpy_cascade, our_entrants, peer_entr
 from hqp_rp.compare.bench_extra import flops
 from hqp_rp.compare.bench_families import FAMILIES, family, random_problem
 from hqp_rp.compare.bench_history import HISTORY, MARGIN, Entry, compared, keep, load_history
+from hqp_rp.compare.bench_inside import Inside
 from hqp_rp.compare.bench_measure import Asked, Measured, Result, Row, headline_ratios
 from hqp_rp.compare.bench_remote import RemoteRunner, arm_urdf
 from hqp_rp.compare.bench_report import answer, bench_report
@@ -216,11 +217,12 @@ def test_the_arm_as_urdf_is_the_arm(tmp_path: Path) -> None:
     assert robot.pose("tool")[0] == pytest.approx(arm.pose(q)[0], abs=1e-9)
 
 
-def test_a_peer_that_its_interpreter_lacks_is_a_sentence() -> None:
-    runner = RemoteRunner("no_such_peer", "x", Path(sys.executable), {"peer": "x"})
+@pytest.mark.parametrize(("peer", "words"), [("no_such_peer", "KeyError"), ("roboplan", "ModuleNotFoundError")])
+def test_a_peer_that_its_interpreter_lacks_is_a_sentence(peer: str, words: str) -> None:
+    runner = RemoteRunner(peer, "x", Path(sys.executable), {})
     assert runner.version == ""
-    assert "no_such_peer takes no part" in runner.error
-    assert "KeyError" in runner.error
+    assert f"{peer} takes no part" in runner.error
+    assert words in runner.error
 
 
 def test_instruction_counts_say_why_there_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,6 +239,7 @@ def test_instruction_counts_say_why_there_are_none(monkeypatch: pytest.MonkeyPat
         ({"families": ["7_3-4"]}, UnknownNameError, "7_3-3"),
         ({"peers": ["minkk"]}, UnknownNameError, "mink"),
         ({"peer_python": ["/no/such/python"]}, SettingError, "does not exist"),
+        ({"lexls": "/no/such/checkout"}, SettingError, "give a checkout"),
     ],
 )
 def test_wrong_input_names_the_remedy(
@@ -309,6 +312,7 @@ def test_a_run_writes_report_and_history(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(Asked, "budget", property(lambda self: 0.002))
     monkeypatch.setattr(bench_measure, "start_up", lambda runs: {"import": 0.1, "compiler": False, "first solve": 0.2})
     monkeypatch.setattr(bench_measure, "instruction_counts", lambda labels, calls: ({}, "No counts."))
+    monkeypatch.setattr(bench_measure, "measure_inside", lambda families, **settings: Inside())
     monkeypatch.setattr(bench_measure, "our_entrants", lambda: [e for e in our_entrants() if e.label == "null space"])
     folder = tmp_path / "bench"
     for runs in (1, 2):
