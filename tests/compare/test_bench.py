@@ -22,6 +22,7 @@ from hqp_rp.compare.bench_families import FAMILIES, family, random_problem
 from hqp_rp.compare.bench_history import HISTORY, MARGIN, Entry, compared, keep, load_history
 from hqp_rp.compare.bench_inside import Inside
 from hqp_rp.compare.bench_measure import Asked, Measured, Result, Row, headline_ratios
+from hqp_rp.compare.bench_ratios_report import _fault
 from hqp_rp.compare.bench_remote import RemoteRunner, arm_urdf
 from hqp_rp.compare.bench_report import answer, bench_report
 from hqp_rp.compare.bench_steps import step_family, steppers
@@ -287,6 +288,12 @@ def test_only_certified_solvers_of_ours_get_ratios() -> None:
     }
 
 
+def test_what_is_wrong_with_a_peer_is_said() -> None:
+    assert _fault(Accuracy(16, 16, 12, 0.25, 0.1, "fault")) == "error 0.25"
+    assert _fault(Accuracy(16, 13, 13, 8e-10, 1e-9, "There is no answer.")) == "no answer on 3 of 16"
+    assert _fault(Accuracy(16, 13, 12, 0.25, 0.1, "fault")) == "no answer on 3 of 16, error 0.25"
+
+
 def test_the_answer_compares_certified_with_certified() -> None:
     told = answer(synthetic())
     assert (
@@ -300,6 +307,10 @@ def test_the_report_holds_what_it_must(tmp_path: Path) -> None:
     report = bench_report(done)
     titles = [section.title for section in report.sections]
     assert titles[:3] == ["The answer", "Ratios", "Against the last run"]
+    groups = report.sections[1].sections
+    assert [(group.title, [table.title for table in group.tables]) for group in groups] == [
+        ("7 joints", ["7 joints, 3+3"])
+    ]
     assert "How cost grows" in titles
     text = repr(report)
     for words in ("Nothing to compare with.", "pink is not installed.", "settings of DAQP, accurate", "It refuses.",
