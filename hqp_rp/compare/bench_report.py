@@ -9,6 +9,7 @@ import numpy as np
 from hqp_rp.compare.bench_accuracy import ACCEPTED
 from hqp_rp.compare.bench_extra import BATCH, COUNTED_FAMILY, GROWERS, LEVEL_ROWS, LEVEL_UNKNOWNS, Curves
 from hqp_rp.compare.bench_families import FAMILIES
+from hqp_rp.compare.bench_floor import FLOOR
 from hqp_rp.compare.bench_history import MARGIN
 from hqp_rp.compare.bench_inside_report import inside_answer, inside_section
 from hqp_rp.compare.bench_measure import Measured, Result
@@ -59,7 +60,7 @@ def bench_report(done: Bench) -> Report:
                 sentences=(measured.no_instructions,) if measured.no_instructions else ()),
         Section("Settings", tables=(_settings(measured), _refusals(measured), _machine(done))),
     ]  # fmt: skip
-    labels = [*GROWERS, "flop count"]
+    labels = [*GROWERS, FLOOR, "flop count"]
     return Report("hqp_rp: benchmark", QUESTION, tuple(sections), styles([labels]))
 
 
@@ -112,7 +113,8 @@ def _growth(over: str, curves: Curves) -> Lines:
     of_n = "three levels of n/4 rows, n = 4 ... 200"
     of_p = f"1 ... 8 levels of {LEVEL_ROWS} rows, n = {LEVEL_UNKNOWNS}"
     caption = (
-        f"Median time per call on random equality levels: {of_n if over == 'unknowns' else of_p}. The flop count of an "
+        f"Median time per call on random equality levels: {of_n if over == 'unknowns' else of_p}. The {FLOOR} is a plain "
+        "cascade in C, without Python. The flop count of an "
         "orthogonal cascade is drawn at the rate that null space reaches at the last point: where a curve lies above it, calls "
         "and short loops cost more than arithmetic."
     )

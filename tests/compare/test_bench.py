@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +20,7 @@ from hqp_rp.compare.bench_accuracy import Accuracy, judge, references
 from hqp_rp.compare.bench_entrants import numpy_cascade, our_entrants, peer_entrants
 from hqp_rp.compare.bench_extra import flops
 from hqp_rp.compare.bench_families import FAMILIES, family, random_problem
+from hqp_rp.compare.bench_floor import FLOOR
 from hqp_rp.compare.bench_history import HISTORY, MARGIN, Entry, compared, keep, load_history
 from hqp_rp.compare.bench_inside import Inside
 from hqp_rp.compare.bench_measure import Asked, Measured, Result, Row, headline_ratios
@@ -205,6 +207,18 @@ def test_flop_count() -> None:
         == sum(4 * (7 - j) * (6 - j) for j in range(3)) + 9 + 84 + sum(4 * (4 - j) * (3 - j) for j in range(3)) + 9 + 84
     )
     assert flops(4, (9,)) == flops(4, (9, 5)) - sum(4 * (4 - j) * 5 for j in range(4))  # the later rows are turned too
+
+
+def test_growth_ends_where_the_flop_count_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench_extra, "SIZES", (4, 8))
+    curves = bench_extra.growth("unknowns", ["numpy"], calls=8, budget=0.001)
+    assert {"null space", "active set, cold", "numpy SVD cascade", "flop count"} <= set(curves)
+    assert (FLOOR in curves) == (shutil.which("cc") is not None)
+    assert all([at for at, _ in points] == [4.0, 8.0] for points in curves.values())
+    assert curves["flop count"][-1] == pytest.approx(curves["null space"][-1])
+    assert curves["flop count"][0][1] / curves["flop count"][1][1] == pytest.approx(
+        flops(4, (1,) * 3) / flops(8, (2,) * 3)
+    )
 
 
 def test_the_arm_as_urdf_is_the_arm(tmp_path: Path) -> None:

@@ -5,12 +5,16 @@ from __future__ import annotations
 import subprocess
 from typing import Any
 
+import numba
 import pytest
 
 from hqp_rp.compare import bench_allocations
 from hqp_rp.compare.bench_allocations import ALLOCATING, allocations
 
 
+@pytest.mark.skipif(
+    numba.config.DISABLE_JIT, reason="kernels are not compiled here, so that they allocate through Python"
+)
 def test_what_a_solve_allocates_is_counted() -> None:
     rows, sentence = allocations(["null space", "QP ProxQP"], ["7_3-3", "7_limits", "100"])
     assert sentence == ""
