@@ -14,8 +14,9 @@ from hqp_rp.compare.bench_entrants import SOLVER_PEERS
 from hqp_rp.compare.bench_families import FAMILIES
 from hqp_rp.compare.bench_history import HISTORY, Entry, compared, keep, key, load_history
 from hqp_rp.compare.bench_lexls import checked_lexls
-from hqp_rp.compare.bench_measure import STEP_FAMILIES, Asked, Measured, headline_ratios, measure
+from hqp_rp.compare.bench_measure import Asked, Measured, headline_ratios, measure
 from hqp_rp.compare.bench_remote import REMOTE_PEERS
+from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.run import one_thread_each
 from hqp_rp.core.errors import FileError, SettingError, unknown_name

@@ -1,4 +1,4 @@
-"""What is inside a call: the kernel beside native code, dispatch, the cascade's own QPs, allocations, compilation."""
+"""What is inside a call: kernel and native code, dispatch, a step's parts, the cascade's own QPs, allocations, compilation."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from hqp_rp.compare.bench_allocations import ALLOCATING, ALLOCATION_FAMILIES, Allocations, allocations
 from hqp_rp.compare.bench_floor import FLOOR, FLOOR_FAMILIES, KERNEL, LEXLS, Floor, measure_floor
 from hqp_rp.compare.bench_native_qps import QP_FAMILIES, NativeQps, native_qps
+from hqp_rp.compare.bench_step_parts import StepParts, step_parts
+from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.bench_timing import Ratio, ratio
 from hqp_rp.compare.bench_warmup import Warmup, compile_from_nothing
 
@@ -18,7 +20,7 @@ class Inside:
     """What is inside a call.
 
     Attributes:
-        floor, qps, allocated: one for each family (and entrant) that was asked for.
+        floor, steps, qps, allocated: one for each family (and entrant) that was asked for.
         compiled: the kernels' compilation on an empty cache, or None when it was not asked for.
         missing: a sentence for each part that could not be measured.
     """
@@ -28,6 +30,7 @@ class Inside:
     allocated: tuple[Allocations, ...] = ()
     compiled: Warmup | None = None
     missing: tuple[str, ...] = ()
+    steps: tuple[StepParts, ...] = ()
 
 
 def measure_inside(
@@ -52,6 +55,10 @@ def measure_inside(
     floor, missing = measure_floor(
         chosen(FLOOR_FAMILIES), lexls=lexls, quick=quick, budget=budget, say=functools.partial(say, "inside a call")
     )
+    steps = []
+    for name in chosen(STEP_FAMILIES):
+        say("inside a step", name)
+        steps.append(step_parts(name, quick=quick))
     qps = native_qps(chosen(QP_FAMILIES), quick=quick, budget=budget, say=functools.partial(say, "native QPs"))
     allocated: tuple[Allocations, ...] = ()
     if names := chosen(ALLOCATION_FAMILIES):
@@ -62,7 +69,7 @@ def measure_inside(
     if compile_time:
         say("compilation on an empty cache", "a minute or two")
         compiled = compile_from_nothing()
-    return Inside(floor, qps, allocated, compiled, missing)
+    return Inside(floor, qps, allocated, compiled, missing, tuple(steps))
 
 
 def inside_ratios(inside: Inside) -> list[tuple[str, Ratio]]:

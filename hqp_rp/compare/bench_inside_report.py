@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from hqp_rp.compare.bench_accuracy import ACCEPTED
 from hqp_rp.compare.bench_floor import CALL, FLOOR, KERNEL, LEXLS, SOLVE, Floor
 from hqp_rp.compare.bench_inside import Inside
+from hqp_rp.compare.bench_step_parts import PARTS_OF_A_STEP
 from hqp_rp.compare.bench_timing import ratio
 from hqp_rp.compare.report import Section, Table, listing, number
 
@@ -18,6 +19,7 @@ def inside_section(inside: Inside) -> Section | None:
     makers: Sequence[tuple[Sequence[object], Callable[[Inside], Table]]] = (
         (inside.floor, _native),
         (inside.floor, _shares),
+        (inside.steps, _steps),
         (inside.qps, _qps),
         (inside.allocated, _allocated),
         ([inside.compiled] if inside.compiled else [], _compiled),
@@ -42,6 +44,9 @@ def inside_answer(inside: Inside) -> list[str]:
         sentences.append(
             f"Of one null_space call, {least:.0%} ({low}) to {shares[high]:.0%} ({high}) is Python around the kernel."
         )
+    for item in inside.steps:
+        kinematics, tasks, solve = (seconds / sum(item.seconds) for seconds in item.seconds)
+        sentences.append(f"{item.title}: {kinematics:.0%} kinematics, {tasks:.0%} tasks, {solve:.0%} solve.")
     if inside.qps:
         values = {item.title: item.times_slower.value for item in inside.qps}
         sentences.append(f"qp_cascade on ProxQP takes {_range(values)} the sum of its own native QPs.")
@@ -83,9 +88,9 @@ def _native(inside: Inside) -> Table:
         for item in inside.floor
     )
     caption = (
-        "In loops without Python. The floor is hqp_rp/compare/native/cascade.c, compiled here with -O3 -march=native: rows "
-        "padded to whole vectors, a level's reflections applied to four rows at a time; no pivoting, no proof of the rank, no "
-        "check."
+        "In loops without Python, processor time. The floor is hqp_rp/compare/native/cascade.c, compiled here with -O3 "
+        "-march=native: rows padded to whole vectors, a level's reflections applied to four rows at a time; no pivoting, no "
+        "proof of the rank, no check."
     )
     ways = sorted({item.lexls for item in inside.floor if item.lexls})
     if ways:
@@ -119,6 +124,23 @@ def _shares(inside: Inside) -> Table:
     )
     header = ("family", "kernel", "dispatch", "solution", "kernel, us", "kernel from Python, us", "Solver.solve, us")
     return Table("Where the time of a null_space call goes", header, rows, caption)
+
+
+def _steps(inside: Inside) -> Table:
+    rows = tuple(
+        (
+            item.title,
+            *(f"{seconds / sum(item.seconds):.0%}" for seconds in item.seconds),
+            *(_us(seconds) for seconds in (*item.seconds, item.whole)),
+        )
+        for item in inside.steps
+    )
+    caption = (
+        "kinematics: robot.update(q). tasks: stack.problem(robot), which asks the robot for poses and Jacobians and builds the "
+        "problem. solve: null_space. Medians along the path; shares of their sum."
+    )
+    header = ("family", *PARTS_OF_A_STEP, *(f"{part}, us" for part in PARTS_OF_A_STEP), "a step, us")
+    return Table("Where the time of a control step goes", header, rows, caption)
 
 
 def _qps(inside: Inside) -> Table:

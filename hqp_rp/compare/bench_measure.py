@@ -18,9 +18,6 @@ from hqp_rp.compare.bench_steps import Stepper, step_family, steppers
 from hqp_rp.compare.bench_timing import LocalRunner, Ratio, Runner, Timing, interleaved, ratio
 from hqp_rp.compare.machine import usable_cores
 
-STEP_FAMILIES = ("step_sawyer", "step_humanoid")
-"""Names of the whole control steps, for `--family`."""
-
 HEADLINE = ("null space", "reverse priority", "active set, cold", "active set, warm", "DAQP hierarchy", "QP ProxQP")
 """Ours whose ratios over the peers are kept in the history."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from hqp_rp.compare.bench_accuracy import ACCEPTED, Accuracy
-from hqp_rp.compare.bench_measure import HEADLINE, STEP_FAMILIES, Measured, Result, Row
+from hqp_rp.compare.bench_measure import HEADLINE, Measured, Result, Row
+from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.bench_timing import ratio
 from hqp_rp.compare.chart import Bars
 from hqp_rp.compare.report import Section, Table, listing, number

@@ -15,6 +15,7 @@ from hqp_rp.compare.bench_floor import CALL, FLOOR, KERNEL, LEXLS, SOLVE, Floor
 from hqp_rp.compare.bench_inside import Inside, inside_ratios, measure_inside
 from hqp_rp.compare.bench_inside_report import inside_answer, inside_section
 from hqp_rp.compare.bench_native_qps import CASCADE, NATIVE, NativeQps
+from hqp_rp.compare.bench_step_parts import StepParts
 from hqp_rp.compare.bench_timing import Timing, timing
 from hqp_rp.compare.bench_warmup import Compiled, Warmup
 from hqp_rp.compare.report import Report, write_report
@@ -47,12 +48,9 @@ def made_up() -> Inside:
     )
     compiled = Warmup(tuple(Compiled(f"file.kernel{i}", float(20 - i)) for i in range(15)), 0, 240.0, ())
     return Inside(
-        (small, large),
-        (qps,),
-        (Allocations("null space", "7_3-3", 10.0, 272.0, 1328.0),),
-        compiled,
-        ("No compiler here.",),
-    )
+        (small, large), (qps,), (Allocations("null space", "7_3-3", 10.0, 272.0, 1328.0),), compiled, ("No compiler here.",),
+        (StepParts("step_sawyer", "step: Sawyer", (5e-6, 15e-6, 5e-6), 26e-6),),
+    )  # fmt: skip
 
 
 def cells(inside: Inside, title: str) -> list[tuple[str, ...]]:
@@ -83,7 +81,7 @@ def test_without_native_code_its_columns_are_gone() -> None:
 
 
 def test_shares_of_a_call() -> None:
-    _, small, large = cells(made_up(), "Where the time")
+    _, small, large = cells(made_up(), "Where the time of a null_space")
     assert small[1:4] == ("60%", "20%", "20%")
     assert large[1:4] == ("100%", "0%", "0%")
 
@@ -92,6 +90,16 @@ def test_the_other_tables() -> None:
     inside = made_up()
     assert cells(inside, "qp_cascade")[1][:5] == ("7 joints, limits", "1.5", "2.5", "6", "4")
     assert cells(inside, "Allocations")[1] == ("7_3-3", "null space", "10", "1330", "272")
+    assert cells(inside, "Where the time of a control")[1] == (
+        "step: Sawyer",
+        "20%",
+        "60%",
+        "20%",
+        "5",
+        "15",
+        "5",
+        "26",
+    )
     compiled = cells(inside, "Compilation")
     assert compiled[1] == ("file.kernel0", "20")
     assert compiled[-2] == ("3 others", "21")  # 8 + 7 + 6
@@ -103,8 +111,9 @@ def test_the_answer_gives_the_range_of_each_ratio() -> None:
     assert "3 (7 joints, 3+3) to 4 times (100 unknowns) as long as a plain cascade in C." in told[0]
     assert "2 times as long (7 joints, 3+3) as LexLS" in told[1]
     assert "0% (100 unknowns) to 40% (7 joints, 3+3) is Python" in told[2]
-    assert "1.5 times as long (7 joints, limits) as the sum of its own native QPs" in told[3]
-    assert "15 kernels took 240 s" in told[4]
+    assert told[3] == "step: Sawyer: 20% kinematics, 60% tasks, 20% solve."
+    assert "1.5 times as long (7 joints, limits) as the sum of its own native QPs" in told[4]
+    assert "15 kernels took 240 s" in told[5]
 
 
 def test_the_history_keeps_how_many_times_faster_ours_is() -> None:
@@ -147,6 +156,10 @@ def test_only_families_that_were_asked_for_are_measured(monkeypatch: pytest.Monk
         asked["allocations"] = list(names)
         return (), "Not counted."
 
+    def steps(name: str, **settings: object) -> StepParts:
+        return StepParts(name, "step", (1.0, 2.0, 3.0), 6.0)
+
+    monkeypatch.setattr(bench_inside, "step_parts", steps)
     monkeypatch.setattr(bench_inside, "measure_floor", floor)
     monkeypatch.setattr(bench_inside, "native_qps", qps)
     monkeypatch.setattr(bench_inside, "allocations", allocated)
@@ -155,4 +168,5 @@ def test_only_families_that_were_asked_for_are_measured(monkeypatch: pytest.Monk
     assert asked == {"floor": ["7_3-3"], "qps": ["7_3-3", "7_limits"], "allocations": ["7_3-3", "7_limits"]}
     assert found.missing == ("No compiler here.", "Not counted.")
     assert found.compiled == made_up().compiled
+    assert [item.name for item in found.steps] == ["step_sawyer"]
     assert measure_inside(["step_sawyer"]).compiled is None
