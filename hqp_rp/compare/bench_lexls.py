@@ -21,7 +21,7 @@ HEADER = pathlib.Path("include/lexls/lexlse.h")
 SOLVES = {"solve": 0, "solveLeastNorm_1": 1, "solveLeastNorm_2": 2}
 """LexLS's ways from its factorization to x: a basic solution; least norm by Givens rotations; by normal equations."""
 
-_EIGEN_FOLDERS = ("/usr/include/eigen3", "/usr/local/include/eigen3", "/opt/homebrew/include/eigen3")
+_EIGEN_FOLDERS = ("/usr/include/eigen3", "/usr/local/include/eigen3")
 
 
 def checked_lexls(folder: pathlib.Path | None, eigen: pathlib.Path | None) -> tuple[str, str] | None:
