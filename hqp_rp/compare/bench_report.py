@@ -32,6 +32,7 @@ _CANNOT_TELL = (
     "The families are random or follow smooth made-up paths; another robot's problems differ in how many limits are active.",
     "A weighted front end (mink, pink, placo) solves another problem, with costs in place of priorities: it is there because "
     "users choose it, and its error says what that costs.",
+    "placo and roboplan make a whole control step in C++, behind one call; ours goes through Python, robot to task to solver.",
 )
 
 

@@ -19,9 +19,8 @@ typedef double vec __attribute__((vector_size(64)));
 typedef long long mask __attribute__((vector_size(64)));
 
 typedef struct {
-    vec *W, *V, *y;          /* rows (M, S), reflections (n, S), answer in turned columns (S) */
+    vec *W, *V, *y;              /* rows (M, S), reflections (n, S): number j begins in column j; turned answer (S) */
     double *rhs, *scale, *C, *t; /* (M), (n), a tall level's factor by columns, its right-hand side */
-    long *column;            /* first column of each reflection */
 } Room;
 
 static inline double sum(vec v) {
@@ -42,7 +41,7 @@ static inline __attribute__((always_inline)) void reflect(vec *restrict rows, lo
         vec *restrict w0 = rows + i * S, *restrict w1 = w0 + S, *restrict w2 = w1 + S, *restrict w3 = w2 + S;
         for (long j = first; j < last; j++) {
             const vec *restrict v = room->V + j * S;
-            const long start = S == 1 ? 0 : room->column[j] / LANES;
+            const long start = S == 1 ? 0 : j / LANES;
             vec s0 = {0}, s1 = {0}, s2 = {0}, s3 = {0};
             for (long q = start; q < S; q++) {
                 s0 += w0[q] * v[q];
@@ -64,7 +63,7 @@ static inline __attribute__((always_inline)) void reflect(vec *restrict rows, lo
         vec *restrict w = rows + i * S;
         for (long j = first; j < last; j++) {
             const vec *restrict v = room->V + j * S;
-            const long start = S == 1 ? 0 : room->column[j] / LANES;
+            const long start = S == 1 ? 0 : j / LANES;
             vec s = {0};
             for (long q = start; q < S; q++) s += w[q] * v[q];
             const double d = sum(s) * room->scale[j];
@@ -135,7 +134,6 @@ static inline __attribute__((always_inline)) void cascade(const Room *restrict r
             ((double *)v)[c] = alpha - beta;
             ((double *)w)[c] = beta;
             room->scale[c] = 1.0 / (norm * (norm + fabs(alpha)));
-            room->column[c] = c;
             reflect(w + S, r1 - i - 1, room, c, c + 1, S);
             c++;
         }
@@ -182,8 +180,8 @@ int cascade_loop(long repeats, long count, long M, long n, long p, const long *o
     const long S = (n + LANES - 1) / LANES;
     Room room = {aligned(M * S * sizeof(vec)), aligned(n * S * sizeof(vec)), aligned(S * sizeof(vec)),
                  aligned(M * sizeof(double)), aligned(n * sizeof(double)), aligned(M * n * sizeof(double)),
-                 aligned(M * sizeof(double)), aligned(n * sizeof(long))};
-    const int failed = !(room.W && room.V && room.y && room.rhs && room.scale && room.C && room.t && room.column);
+                 aligned(M * sizeof(double))};
+    const int failed = !(room.W && room.V && room.y && room.rhs && room.scale && room.C && room.t);
     for (long turn = 0; !failed && turn < repeats; turn++)
         for (long i = 0; i < count; i++) {
             const double *a = A + i * M * n, *rhs = b + i * M;
@@ -191,6 +189,5 @@ int cascade_loop(long repeats, long count, long M, long n, long p, const long *o
             else cascade(&room, M, n, p, offsets, a, rhs, tolerance, x + i * n, S);
         }
     free(room.W), free(room.V), free(room.y), free(room.rhs), free(room.scale), free(room.C), free(room.t);
-    free(room.column);
     return failed;
 }
