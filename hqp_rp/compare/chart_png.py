@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from hqp_rp.compare.chart import Bars, Chart, Dots, Lines, Style
 
@@ -185,11 +185,17 @@ def _bars(chart: Bars) -> Figure:
     figure.text(0.2 / width, 1.0 - 0.32 / height, chart.title, fontsize=12, fontweight="bold")
     for at, _, value, kind in rows:
         axes.barh(at, value - 1.0, left=1.0, height=0.72, color=chart.colour(kind), linewidth=0)
-        axes.annotate(f"{value:.3g}", (value, at), (3, 0), textcoords="offset points", fontsize=7.5, va="center")
+        beside, side = ((3, 0), "left") if value >= 1.0 else ((-3, 0), "right")
+        axes.annotate(
+            f"{value:.3g}", (value, at), beside, textcoords="offset points", fontsize=7.5, va="center", ha=side
+        )
     for at, title in chart.titles():
-        axes.text(1.0, at, title, fontsize=9, fontweight="bold", va="center")
+        axes.text(0.0, at, title, fontsize=9, fontweight="bold", va="center", transform=axes.get_yaxis_transform())
     axes.set_xscale("log")
-    axes.set_xlim(min([1.0, *(value for _, _, value, _ in rows)]) * 0.9, max([10.0, *(v for _, _, v, _ in rows)]) * 1.6)
+    least = min([1.0, *(value for _, _, value, _ in rows)])
+    axes.set_xlim(least * (0.9 if least == 1.0 else 0.5), max([10.0, *(v for _, _, v, _ in rows)]) * 1.6)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_ylim(last + 0.8, -0.8)
     axes.set_yticks([at for at, *_ in rows], [label for _, label, _, _ in rows], fontsize=8)
