@@ -69,6 +69,8 @@ class Limited(Scenario):
     joint velocities before, q the configuration at its end, l and u the position limits:
 
         "position limit violation [rad]": largest max(l - q, q - u, 0) of a joint;
+        "position limit violation left [rad]": largest part of it that has been there since the start without interruption;
+        "position limit violation added [rad]": largest part of it that has not: a start outside is not the solver's fault;
         "velocity limit violation [rad/s]": largest max(|x| - V, 0), as asked for, before the servos clip it;
         "acceleration limit violation [rad/s^2]": largest max(|w - u'| / dt - A, 0), w the clipped command;
         "commanded speed [rad/s]": ||x||, 0 without an x;
@@ -83,6 +85,8 @@ class Limited(Scenario):
 
     abscissa: ClassVar[str] = "time (s)"
     by_default: ClassVar[bool] = False  # another question than that of the main comparison
+    without_limits: ClassVar[str] = "no limits"
+    """The case whose problem holds no limit: what breaks there, nobody was told of."""
 
     duration: float = 4.0
     period: float = 0.02
@@ -124,6 +128,7 @@ class Limited(Scenario):
         q, velocity = scene.start.copy(), np.zeros(robot.nv)
         solver.reset()
         robot.update(q)
+        left = _beyond_range(robot)
         for k in range(self.periods()):
             scene.refer(k * dt)
             problem = stack.problem(robot, dt, velocity)
@@ -141,7 +146,14 @@ class Limited(Scenario):
             q = robot.integrate(q, command, dt)
             robot.update(q)
             scene.refer((k + 1) * dt)
-            measured = _violations(scene, x, command, velocity, dt)
+            beyond = _beyond_range(robot)
+            measured = {
+                "position limit violation [rad]": _most(beyond),
+                "position limit violation left [rad]": _most(np.minimum(beyond, left)),
+                "position limit violation added [rad]": _most(beyond - left),
+            }
+            left = np.minimum(beyond, left)
+            measured |= _violations(scene, x, command, velocity, dt)
             measured |= {label: error() for label, error in scene.errors.items()}
             velocity = command
             yield Step(case, k * dt, problem, solution, seconds, measured)
@@ -157,7 +169,6 @@ class Limited(Scenario):
 def _violations(scene: Scene, x: FloatArray, command: FloatArray, before: FloatArray, dt: float) -> dict[str, float]:
     change = np.abs(command - before) / dt
     found = {
-        "position limit violation [rad]": _beyond_range(scene.robot),
         "velocity limit violation [rad/s]": _most(np.abs(x) - scene.speed),
         "acceleration limit violation [rad/s^2]": _most(change - scene.acceleration),
         "commanded speed [rad/s]": norm(x),
@@ -169,10 +180,10 @@ def _violations(scene: Scene, x: FloatArray, command: FloatArray, before: FloatA
     return found
 
 
-def _beyond_range(robot: Robot) -> float:
-    """By how much a joint position is outside its limits, rad; hinges and slides come last in q, each with one number."""
+def _beyond_range(robot: Robot) -> FloatArray:
+    """(nv,) by how much each joint position is outside its limits, rad; hinges and slides come last in q, each one number."""
     q = robot.q[robot.nq - robot.nv :]
-    return _most(np.maximum(robot.lower - q, q - robot.upper))
+    return np.maximum(np.maximum(robot.lower - q, q - robot.upper), 0.0)
 
 
 def _most(beyond: FloatArray) -> float:

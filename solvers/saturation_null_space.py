@@ -13,6 +13,7 @@ from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
 
+VARIANTS = ("basic", "optimal")
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
 
 
@@ -33,30 +34,48 @@ class ScaledSolution(Solution):
 class SaturationNullSpace(Solver):
     """The SNS algorithm on N levels of equalities with hard bounds on the unknowns.
 
-    Level k corrects x_{k-1} in the freedom that earlier levels left. Where the correction would leave the box, the unknown
-    that limits the level most is held at its bound, the correction is computed anew in the freedom of the others, and
-    so on; when holding one more would cost the level its rank, it is executed at the largest scale s_k that was
-    found, `A_k x = s_k b_k`: direction kept, size reduced.
+    Level k corrects x_{k-1} in the freedom that earlier levels left. Where the correction would leave the box, unknowns are
+    saturated, that is held at their bounds, and the correction is computed anew in the freedom of the others. A level that
+    the box does not allow is scaled, `A_k x = s_k b_k` with s_k in [0, 1]: direction kept, size reduced.
 
-    It is the basic algorithm of the sources. Neither its optimal variant, which releases unknowns whose multiplier has
-    the wrong sign, nor its faster factorization updates are implemented: without saturation the answer is that of
-    `null_space`, with saturation it meets the bounds and keeps priorities, but need not be the lexicographic optimum.
+    variant "basic": the unknown that limits the level most is saturated next; when holding one more would cost the level
+    its rank, it is executed at the largest scale that was found. An unknown once saturated is never released. With
+    saturation the answer meets the bounds and keeps priorities, but neither s_k nor x need be the best there is.
 
-    Ours, not the sources': orthonormal null-space bases in the place of projectors; the start, `zeta` clipped to the
-    box, which makes a box that excludes 0 (the way back into limits) feasible at every level; a level that no scale makes
-    feasible is left as it came and still kept from lower levels; for dependent tasks, "full rank" is the rank
-    that the level has without saturation.
+    variant "optimal" (Opt-SNS): saturated unknowns whose multiplier has the wrong sign are released, so that with
+    A_j x* = s_j b_j of the levels before,
+
+        s_k = max { s in [0, 1] : A_k x = s b_k, A_j x = s_j b_j (j < k), x in the box for some x },
+        x   = argmin ||x - zeta|| over the box and A_j x = s_j b_j (j <= p), zeta the secondary vector or 0.
+
+    Where no level is scaled this is the lexicographic optimum of least norm. Where one is, it is not: the exact optimum
+    leaves the direction b_k for a smaller residual.
+
+    Published: saturating the most critical unknown, scaling as the last resort, and (optimal) the release by the sign of
+    the multipliers. Ours, not the sources', in both: orthonormal null-space bases in the place of projectors; the start,
+    `zeta` clipped to the box, which makes a box that excludes 0 (the way back into limits) feasible at every level; a
+    level that no scale makes feasible is left as it came and still kept from lower levels; for dependent tasks the rank
+    that the level has without saturation, and the attainable part of b_k. Ours in "optimal": the order of the moves. The
+    published loop starts from the unbounded answer, releases all wrong signs at once, and may cycle; here the box holds
+    throughout while the level is raised step by step, one unknown is exchanged at a time (a parametric active set), and
+    each level's x is the nearest to zeta rather than to x_{k-1}. The sources' fast variant, the basic answer by updated
+    factorizations, is not implemented.
 
     Args:
+        variant: "basic" or "optimal".
         rank_tolerance: a singular value of A_k restricted to the remaining null space counts as zero when it is
             <= rank_tolerance * ||A_k||_2; in [0, 1).
 
-    Returns a `ScaledSolution`; `iterations` is the number of saturations tried. Hard rows with more than one unknown and
-    two-sided levels are refused.
+    Returns a `ScaledSolution`; `iterations` is the number of saturations tried and releases. Hard rows with more than one
+    unknown and two-sided levels are refused. Where "optimal" runs out of iterations (20 for each unknown and level), the
+    status is `INACCURATE`: that level and those below it are the basic algorithm's. It is so too where a level is off
+    `A_k x = s_k b_k` by more than the tolerance, which near a singularity may happen beside saturated unknowns.
 
-    Source: Flacco, De Luca and Khatib 2012 (N levels); Flacco, De Luca and Khatib 2015.
+    Source: Flacco, De Luca and Khatib 2012 (N levels); Flacco, De Luca and Khatib 2015 (both variants; the release is
+    taken from the authors' public library sns_ik).
     """
 
+    variant: str = "basic"
     rank_tolerance: float = RANK_TOLERANCE
 
     name: ClassVar[str] = "saturation_null_space"
@@ -65,6 +84,8 @@ class SaturationNullSpace(Solver):
     takes_hard: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
+        if self.variant not in VARIANTS:
+            raise SettingError(f"variant is {self.variant!r}; choose one of {', '.join(VARIANTS)}.")
         if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
             raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
 
@@ -85,7 +106,7 @@ class SaturationNullSpace(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The SNS answer; see `Solver.solve`. A box without a point ends in `Status.INFEASIBLE`, its rows named."""
-        from hqp_rp.core.kernels import saturation
+        from hqp_rp.core.kernels import saturation, saturation_levels
 
         if not problem.is_equality:
             refusal = self._refusal(problem)
@@ -112,13 +133,22 @@ class SaturationNullSpace(Solver):
         x, scales = np.empty(n), np.empty(problem.p)
         free = zeros(n) if secondary is None else secondary
         try:
-            finite, tried = saturation.saturation_null_space(
-                matrix, rhs, offsets, low, high, free, self.rank_tolerance, x, scales
+            finite, tried, unfinished, missed = saturation_levels.saturation_null_space(
+                matrix, rhs, offsets, low, high, free, self.rank_tolerance, self.variant == "optimal", x, scales
             )
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
-            finite, tried = False, 0
+            finite, tried, unfinished, missed = False, 0, -1, -1
         if not finite:
             return Solution(problem, None, Status.NOT_FINITE, tried, _OVERFLOW, secondary)
-        solution = ScaledSolution(problem, x, Status.SOLVED, tried, "", secondary)
+        status, message = Status.SOLVED, ""
+        if unfinished >= 0:
+            status = Status.INACCURATE
+            message = f"Iterations ran out at level {unfinished + 1}; from there on it is the basic algorithm's answer."
+        elif missed >= 0:
+            status = Status.INACCURATE
+            message = (
+                f"Rounding at the bounds left level {missed + 1} off its scaled task by more than {self.tolerance:g}."
+            )
+        solution = ScaledSolution(problem, x, status, tried, message, secondary)
         solution.scales = scales
         return solution

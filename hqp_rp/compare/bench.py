@@ -13,8 +13,10 @@ from typing import Any
 from hqp_rp.compare.bench_entrants import SOLVER_PEERS
 from hqp_rp.compare.bench_families import FAMILIES
 from hqp_rp.compare.bench_history import HISTORY, Entry, compared, keep, key, load_history
-from hqp_rp.compare.bench_measure import STEP_FAMILIES, Asked, Measured, headline_ratios, measure
+from hqp_rp.compare.bench_lexls import checked_lexls
+from hqp_rp.compare.bench_measure import Asked, Measured, headline_ratios, measure
 from hqp_rp.compare.bench_remote import REMOTE_PEERS
+from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.run import one_thread_each
 from hqp_rp.core.errors import FileError, SettingError, unknown_name
@@ -48,6 +50,9 @@ def bench(
     peers: Sequence[str] | None = None,
     peer_python: Sequence[str | pathlib.Path] = (),
     quick: bool = False,
+    lexls: str | pathlib.Path | None = None,
+    eigen: str | pathlib.Path | None = None,
+    compile_time: bool = False,
     progress: bool = False,
     fresh_process: bool = True,
 ) -> Bench:
@@ -56,17 +61,23 @@ def bench(
     Args:
         output: the folder: report.html, report.md, figures, and history.jsonl, to which each run adds a line.
         families: of `EVERY_FAMILY`; None for all. peers: of `PEERS`; None for all.
-        peer_python: interpreters of environments in which pink or placo may be found.
+        peer_python: interpreters of environments in which pink, placo or roboplan may be found.
         quick: fewer calls and instances, and no figures of growth.
+        lexls: a checkout of github.com/jrl-umi3218/lexls, to compile a loop against; eigen: the folder that holds Eigen's
+            folder `Eigen`, when it is not where it usually is.
+        compile_time: compile every kernel on an empty cache too, which takes a minute or two.
         progress: say on standard error what is at work.
         fresh_process: measure in a process of its own that has one thread from its start; False measures here.
 
     Raises:
         UnknownNameError: a family or a peer that there is not.
-        SettingError: an interpreter that does not exist.
+        SettingError: an interpreter that does not exist, a folder without LexLS or without Eigen.
         FileError: the folder holds files that no benchmark wrote, a damaged history, or cannot be written.
     """
-    asked = checked(families, peers, peer_python, quick)
+    native = checked_lexls(
+        None if lexls is None else pathlib.Path(lexls), None if eigen is None else pathlib.Path(eigen)
+    )
+    asked = dataclasses.replace(checked(families, peers, peer_python, quick), lexls=native, compile_time=compile_time)
     folder = pathlib.Path(output)
     history = _opened(folder)
     if fresh_process:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import os
@@ -15,6 +16,8 @@ import numpy as np
 
 from hqp_rp.compare.bench_entrants import Entrant, our_entrants, peer_entrants
 from hqp_rp.compare.bench_families import family, random_problem
+from hqp_rp.compare.bench_floor import FLOOR, c_loop
+from hqp_rp.compare.bench_native import NotBuilt
 from hqp_rp.compare.bench_timing import LocalRunner, interleaved
 from hqp_rp.core.batch import solve_batch
 from hqp_rp.core.errors import MissingExtraError
@@ -24,6 +27,7 @@ SIZES = (4, 7, 14, 28, 50, 100, 200)
 LEVELS = tuple(range(1, 9))
 LEVEL_ROWS, LEVEL_UNKNOWNS = 5, 50
 BATCH = 20_000
+_FLOOR_REPEATS = 8
 BATCHED = ("null_space", "reverse_priority")
 COUNTED_FAMILY = "7_3-3"
 
@@ -57,7 +61,8 @@ def growth_shapes(over: str) -> list[tuple[float, int, tuple[int, ...]]]:
 
 
 def growth(over: str, peers: Sequence[str], *, calls: int, budget: float) -> Curves:
-    """Median seconds per call of `GROWERS` and, as "flop count", the flops at the rate of null space at the last point."""
+    """Median seconds per call of `GROWERS`, of the C floor where there is a C compiler, and, as "flop count", the flops at
+    the rate of null space at the last point."""
     entrants = [e for e in [*our_entrants(), *peer_entrants(peers)[0]] if e.label in GROWERS]
     curves: Curves = {e.label: [] for e in entrants}
     shapes = growth_shapes(over)
@@ -65,8 +70,11 @@ def growth(over: str, peers: Sequence[str], *, calls: int, budget: float) -> Cur
         rng = np.random.default_rng([n, len(rows)])
         problems = [random_problem(rng, n, rows) for _ in range(4)]
         runners = [LocalRunner(e.label, e.prepare(problems)) for e in entrants]
+        with contextlib.suppress(NotBuilt):  # said where the floor is measured on the families
+            runners.append(LocalRunner(FLOOR, [functools.partial(c_loop(problems), _FLOOR_REPEATS)]))
         for timing in interleaved(runners, calls=calls, budget=budget):
-            curves[timing.label].append((at, timing.median))
+            solves = _FLOOR_REPEATS * len(problems) if timing.label == FLOOR else 1
+            curves.setdefault(timing.label, []).append((at, timing.median / solves))
     reference = curves[GROWERS[0]][-1][1] / flops(shapes[-1][1], shapes[-1][2])
     curves["flop count"] = [(at, reference * flops(n, rows)) for at, n, rows in shapes]
     return curves

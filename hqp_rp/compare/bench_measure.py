@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import pathlib
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from hqp_rp.compare.bench_accuracy import Accuracy, judge, references
-from hqp_rp.compare.bench_entrants import SOLVER_PEERS, not_installed, our_entrants, peer_entrants
+from hqp_rp.compare.bench_entrants import SOLVER_PEERS, our_entrants, peer_entrants
 from hqp_rp.compare.bench_extra import GROWERS, Curves, batch_rates, growth, instruction_counts, start_up
 from hqp_rp.compare.bench_families import FAMILIES, family
-from hqp_rp.compare.bench_remote import REMOTE_PEERS, RemoteRunner, arm_urdf
-from hqp_rp.compare.bench_steps import COSTS, DT, GAIN, StepFamily, Stepper, step_family, steppers
+from hqp_rp.compare.bench_inside import Inside, inside_ratios, measure_inside
+from hqp_rp.compare.bench_remote_steps import remote_steppers
+from hqp_rp.compare.bench_steps import Stepper, step_family, steppers
 from hqp_rp.compare.bench_timing import LocalRunner, Ratio, Runner, Timing, interleaved, ratio
 from hqp_rp.compare.machine import usable_cores
-
-STEP_FAMILIES = ("step_sawyer", "step_humanoid")
-"""Names of the whole control steps, for `--family`."""
 
 HEADLINE = ("null space", "reverse priority", "active set, cold", "active set, warm", "DAQP hierarchy", "QP ProxQP")
 """Ours whose ratios over the peers are kept in the history."""
@@ -29,12 +26,19 @@ _JUDGED_STEPS = 32
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Asked:
-    """What a run is asked for: names of families and peers, interpreters for peers, and whether it is a quick one."""
+    """What a run is asked for.
+
+    Attributes:
+        families, peers: their names. peer_python: interpreters for peers. lexls: folders of LexLS and of Eigen, or None.
+        compile_time: whether to compile every kernel on an empty cache. quick: fewer calls and instances.
+    """
 
     families: tuple[str, ...]
     peers: tuple[str, ...]
     peer_python: tuple[str, ...] = ()
     quick: bool = False
+    lexls: tuple[str, str] | None = None
+    compile_time: bool = False
 
     @property
     def calls(self) -> int:
@@ -83,6 +87,7 @@ class Measured:
         growth: what it is over ("unknowns", "levels") -> curves; empty in a quick run.
         batch: (solver, threads, problems per second). start: see `start_up`.
         instructions: label -> per call; no_instructions: why there are none, or "".
+        inside: what is inside a call.
     """
 
     results: tuple[Result, ...]
@@ -93,6 +98,7 @@ class Measured:
     start: Mapping[str, float | bool]
     instructions: Mapping[str, float]
     no_instructions: str
+    inside: Inside = dataclasses.field(default_factory=Inside)
 
 
 def measure(asked: Asked, progress: bool = False) -> Measured:
@@ -109,6 +115,9 @@ def measure(asked: Asked, progress: bool = False) -> Measured:
             found_versions |= more
         results.append(result)
         missing += [sentence for sentence in absent if sentence not in missing]
+    inside = measure_inside(
+        asked.families, lexls=asked.lexls, compile_time=asked.compile_time, quick=asked.quick, say=say
+    )
     curves = {}
     if not asked.quick:
         for over in ("unknowns", "levels"):
@@ -121,19 +130,19 @@ def measure(asked: Asked, progress: bool = False) -> Measured:
     say("instructions", "")
     counts, sentence = instruction_counts([*GROWERS, "DAQP, defaults"], calls=500 if asked.quick else 2000)
     return Measured(
-        tuple(results), tuple(missing), found_versions, curves, tuple(batch), start, counts, sentence
+        tuple(results), tuple(missing), found_versions, curves, tuple(batch), start, counts, sentence, inside
     )  # fmt: skip
 
 
 def headline_ratios(measured: Measured) -> list[tuple[str, Ratio]]:
-    """(family, how many times faster ours is than a peer), for ours whose every answer was certified."""
+    """(family, how many times faster ours is than a peer), for ours whose every answer was certified; and `inside_ratios`."""
     found = []
     for result in measured.results:
         ours = [row for row in result.rows if not row.peer and row.label in HEADLINE and row.accuracy.ok]
         ours += [row for row in result.rows if not row.peer and "mink" in row.label and row.accuracy.ok]
         peers = [row for row in result.rows if row.peer]
         found += [(result.name, ratio(own.timing, other.timing)) for own in ours for other in peers]
-    return found
+    return found + inside_ratios(measured.inside)
 
 
 def _solve_family(name: str, asked: Asked, say: Callable[[str], None]) -> tuple[Result, list[str]]:
@@ -167,7 +176,9 @@ def _solve_family(name: str, asked: Asked, say: Callable[[str], None]) -> tuple[
 def _step_family(name: str, asked: Asked, say: Callable[[str], None]) -> tuple[Result, list[str], dict[str, str]]:
     made = step_family(name, quick=asked.quick)
     chosen, missing = steppers(made, asked.peers)
-    remote, absent, found_versions = remote_steppers(made, chosen, asked) if name == "step_sawyer" else ([], [], {})
+    remote, absent, found_versions = (
+        remote_steppers(made, chosen, asked.peers, asked.peer_python) if name == "step_sawyer" else ([], [], {})
+    )
     judged: list[tuple[Stepper, Accuracy]] = []
     runners: list[Runner] = []
     try:
@@ -188,54 +199,6 @@ def _step_family(name: str, asked: Asked, say: Callable[[str], None]) -> tuple[R
         for (stepper, accuracy), timing in zip(judged, timings, strict=True)
     )
     return Result(name, made.title, made.words, rows, {}), [*missing, *absent], found_versions
-
-
-def remote_steppers(
-    made: StepFamily, chosen: Sequence[Stepper], asked: Asked
-) -> tuple[list[tuple[Stepper, RemoteRunner]], list[str], dict[str, str]]:
-    """The peers in environments of their own, a sentence for each that takes no part, and the versions of those that do."""
-    wanted = [peer for peer in asked.peers if peer in REMOTE_PEERS]
-    pythons = [pathlib.Path(path) for path in asked.peer_python] or [pathlib.Path(sys.executable)]
-    found, missing, found_versions = [], [], {}
-    for peer in wanted:
-        sentences = []
-        for python in pythons:
-            runner = RemoteRunner(peer, peer, python, _task_words(made))
-            if runner.error:
-                sentences.append(runner.error)
-                continue
-            # pink's tasks are mink's, the logarithm of SE(3); placo's are ours.
-            theirs = [stepper for stepper in chosen if stepper.peer] if peer == "pink" else []
-            problems = (theirs or chosen)[0].problems
-            calls = tuple(functools.partial(runner.answer, i) for i in range(len(made.configurations)))
-            costs = ", ".join(f"{cost:g}" for cost in COSTS[:3])
-            words = f"{peer} {runner.version} in an environment of its own, without limits, costs {costs}"
-            found.append((Stepper(peer, True, words, calls, lambda v: v, problems), runner))
-            found_versions[peer] = runner.version
-            break
-        else:
-            here = not asked.peer_python and "ModuleNotFoundError" in sentences[0]
-            missing.append(not_installed(peer) if here else sentences[0])
-    return found, missing, found_versions
-
-
-def _task_words(made: StepFamily) -> dict[str, Any]:
-    from hqp_rp.robot.arms import sawyer
-
-    robot = made.robot
-    robot.update(robot.neutral)
-    rotation, position = robot.pose("tool")
-    return {
-        "urdf": arm_urdf(sawyer()),
-        "configurations": made.configurations.tolist(),
-        "neutral": robot.neutral.tolist(),
-        "rotation": rotation.tolist(),
-        "position": position.tolist(),
-        "costs": COSTS[:3],
-        "gain": GAIN,
-        "dt": DT,
-        "solver": "daqp",
-    }
 
 
 def _said(name: str, what: str) -> None:

@@ -74,14 +74,49 @@ def placo_step(asked: dict[str, Any]) -> Callable[[Any], Any]:
     return step
 
 
-PACKAGES = {"pink": "pin-pink", "placo": "placo"}
+def roboplan_step(asked: dict[str, Any]) -> Callable[[Any], Any]:
+    """RoboPlan's Oink: the tool's pose before the posture, by priorities, without limits.
+
+    One pose task instead of position over orientation: its null-space projector is built from all six rows of a pose task,
+    whatever their costs. While the pose can be reached, both have the same answer.
+    """
+    from roboplan import core, optimal_ik  # type: ignore[import-not-found, unused-ignore]
+
+    scene = core.Scene("arm", core.loadUrdfSceneDescriptionFromXml(asked["urdf"]))
+    settings = optimal_ik.OinkSettings()
+    settings.eps_abs = 1e-9
+    oink = optimal_ik.Oink(scene, settings)
+    target = np.eye(4)
+    target[:3, :3], target[:3, 3] = asked["rotation"], asked["position"]
+    home, gain = np.array(asked["neutral"]), asked["gain"] * asked["dt"]
+    pose = optimal_ik.FrameTask(
+        oink,
+        scene,
+        core.CartesianConfiguration("", "tool", np.asfortranarray(target)),
+        optimal_ik.FrameTaskOptions(task_gain=gain, priority=1),
+    )
+    posture = optimal_ik.ConfigurationTask(
+        oink, home, np.ones(len(home)), optimal_ik.ConfigurationTaskOptions(task_gain=gain, priority=2)
+    )
+    tasks, change, dt = [pose, posture], np.zeros(oink.num_variables), asked["dt"]
+
+    def step(q: Any) -> Any:
+        oink.solveIk(q, tasks, [], change)
+        return change / dt
+
+    return step
+
+
+STEPS = {"pink": pink_step, "placo": placo_step, "roboplan": roboplan_step}
+
+PACKAGES = {"pink": "pin-pink", "placo": "placo", "roboplan": "roboplan"}
 
 
 def main() -> None:
     """Serve turns until standard input ends."""
     asked = json.loads(sys.stdin.readline())
     try:
-        step = {"pink": pink_step, "placo": placo_step}[asked["peer"]](asked)
+        step = STEPS[asked["peer"]](asked)
         configurations = [np.array(q) for q in asked["configurations"]]
         step(configurations[0])
         version = importlib.metadata.version(PACKAGES[asked["peer"]])

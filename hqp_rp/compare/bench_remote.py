@@ -18,7 +18,7 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.dh import DHArm
 
-REMOTE_PEERS = ("pink", "placo")
+REMOTE_PEERS = ("pink", "placo", "roboplan")
 """Peers that may run in an environment of their own: names for `--peer`."""
 
 

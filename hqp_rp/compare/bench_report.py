@@ -9,18 +9,19 @@ import numpy as np
 from hqp_rp.compare.bench_accuracy import ACCEPTED
 from hqp_rp.compare.bench_extra import BATCH, COUNTED_FAMILY, GROWERS, LEVEL_ROWS, LEVEL_UNKNOWNS, Curves
 from hqp_rp.compare.bench_families import FAMILIES
+from hqp_rp.compare.bench_floor import FLOOR
 from hqp_rp.compare.bench_history import MARGIN
-from hqp_rp.compare.bench_measure import HEADLINE, Measured, Result, Row
+from hqp_rp.compare.bench_inside_report import inside_answer, inside_section
+from hqp_rp.compare.bench_measure import Measured, Result
+from hqp_rp.compare.bench_ratios_report import fastest, ratios_section
 from hqp_rp.compare.bench_timing import PARTS, TURN, ratio
-from hqp_rp.compare.chart import Bars, Line, Lines, styles
+from hqp_rp.compare.chart import Line, Lines, styles
 from hqp_rp.compare.report import Report, Section, Table, listing, number
 
 if TYPE_CHECKING:
     from hqp_rp.compare.bench import Bench
 
 QUESTION = "How fast is each prioritized solver, next to what a user would pick instead, at equal accuracy?"
-
-_KINDS = ("hqp_rp, certified", "peer, certified", "not certified")
 
 _CANNOT_TELL = (
     f"Calls are timed in turns of {TURN}, one entrant after the other within one process and on one thread, so that load on "
@@ -31,6 +32,7 @@ _CANNOT_TELL = (
     "The families are random or follow smooth made-up paths; another robot's problems differ in how many limits are active.",
     "A weighted front end (mink, pink, placo) solves another problem, with costs in place of priorities: it is there because "
     "users choose it, and its error says what that costs.",
+    "placo and roboplan make a whole control step in C++, behind one call; ours goes through Python, robot to task to solver.",
 )
 
 
@@ -39,14 +41,11 @@ def bench_report(done: Bench) -> Report:
     measured = done.measured
     solved = [result for result in measured.results if result.name in FAMILIES]
     steps = [result for result in measured.results if result.name not in FAMILIES]
+    inside = inside_section(measured.inside)
     sections = [
         Section("The answer", answer(measured), listed=True),
-        Section(
-            "Ratios",
-            ("How many times faster each certified solver of ours is than each peer; below 1 the peer is faster.",),
-            charts=tuple(_bars(measured)),
-            tables=tuple(_ratios(result) for result in measured.results),
-        ),
+        ratios_section(measured),
+        *([inside] if inside is not None else []),
         Section("Against the last run", done.against, listed=True),
         Section("What this cannot tell", (*_CANNOT_TELL, *measured.missing), listed=True),
     ]
@@ -62,7 +61,7 @@ def bench_report(done: Bench) -> Report:
                 sentences=(measured.no_instructions,) if measured.no_instructions else ()),
         Section("Settings", tables=(_settings(measured), _refusals(measured), _machine(done))),
     ]  # fmt: skip
-    labels = [*GROWERS, "flop count"]
+    labels = [*GROWERS, FLOOR, "flop count"]
     return Report("hqp_rp: benchmark", QUESTION, tuple(sections), styles([labels]))
 
 
@@ -70,7 +69,7 @@ def answer(measured: Measured) -> tuple[str, ...]:
     """For each family, our fastest certified solver beside the fastest certified peer; then batch and start."""
     sentences = []
     for result in measured.results:
-        ours, peers = _fastest(result, peer=False), _fastest(result, peer=True)
+        ours, peers = fastest(result, peer=False), fastest(result, peer=True)
         if ours is None:
             sentences.append(f"{result.title}: none of ours was certified on every instance.")
         elif peers is None:
@@ -90,6 +89,7 @@ def answer(measured: Measured) -> tuple[str, ...]:
                 f"{result.title}: {ours.label}, {_us(ours.timing.median)} us, is {words} the fastest certified peer, "
                 f"{peers.label}."
             )
+    sentences += inside_answer(measured.inside)
     for name, threads, rate in measured.batch:
         if threads == max(t for _, t, _ in measured.batch):
             cores = "1 core" if threads == 1 else f"{threads} cores"
@@ -102,59 +102,8 @@ def answer(measured: Measured) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _fastest(result: Result, *, peer: bool) -> Row | None:
-    rows = [row for row in result.rows if row.peer == peer and row.accuracy.ok]
-    return min(rows, key=lambda row: row.timing.median, default=None)
-
-
 def _us(seconds: float) -> str:
     return number(seconds * 1e6, 3)
-
-
-def _ratios(result: Result) -> Table:
-    peers = [row for row in result.rows if row.peer]
-    ours = [row for row in result.rows if not row.peer and (row.label in HEADLINE or "mink" in row.label)]
-    rows = tuple(
-        (own.label, *(f"{ratio(own.timing, peer.timing).value:.3g}" for peer in peers))
-        for own in ours
-        if own.accuracy.ok
-    )
-    left = [own.label for own in ours if not own.accuracy.ok]
-    inaccurate = [f"{peer.label} (error {number(peer.accuracy.error)})" for peer in peers if not peer.accuracy.ok]
-    caption = f"Not certified, so without ratios: {listing(left)}. " if left else ""
-    caption += f"Peers that were not certified: {listing(inaccurate)}." if inaccurate else "All peers were certified."
-    return Table(result.title, ("times faster than", *(peer.label for peer in peers)), rows, caption)
-
-
-_CHARTS = (
-    ("ratios_7", "7 joints", ("7_3-3", "7_1-5", "7_6-1-7", "7_3-3-7")),
-    ("ratios_limits", "Hard rows", ("7_limits", "7_limits_path", *(f"humanoid_{n}" for n in ("20", "40", "60", "40_path")))),
-    ("ratios_large", "Many unknowns", ("30", "100")),
-    ("ratios_steps", "A whole control step", ("step_sawyer", "step_humanoid")),
-)  # fmt: skip
-
-
-def _bars(measured: Measured) -> list[Bars]:
-    results = {result.name: result for result in measured.results}
-    charts = []
-    for name, title, families in _CHARTS:
-        groups = []
-        for family in families:
-            own = _fastest(results[family], peer=False) if family in results else None
-            if own is None:
-                continue
-            rows = sorted(results[family].rows, key=lambda row: row.timing.median)
-            bars = tuple(
-                (row.label, row.timing.median / own.timing.median, int(row.peer) if row.accuracy.ok else 2)
-                for row in rows
-            )
-            groups.append((f"{results[family].title}: times of {own.label}, {_us(own.timing.median)} us", bars))
-        if groups:
-            caption = (
-                "Median time per call over that of our fastest certified solver. Grey: not certified on every instance."
-            )
-            charts.append(Bars(name, title, caption, "times slower (log)", tuple(groups), _KINDS))
-    return charts
 
 
 def _growth(over: str, curves: Curves) -> Lines:
@@ -165,7 +114,8 @@ def _growth(over: str, curves: Curves) -> Lines:
     of_n = "three levels of n/4 rows, n = 4 ... 200"
     of_p = f"1 ... 8 levels of {LEVEL_ROWS} rows, n = {LEVEL_UNKNOWNS}"
     caption = (
-        f"Median time per call on random equality levels: {of_n if over == 'unknowns' else of_p}. The flop count of an "
+        f"Median time per call on random equality levels: {of_n if over == 'unknowns' else of_p}. The {FLOOR} is a plain "
+        "cascade in C, without Python. The flop count of an "
         "orthogonal cascade is drawn at the rate that null space reaches at the last point: where a curve lies above it, calls "
         "and short loops cost more than arithmetic."
     )
@@ -179,7 +129,7 @@ def _growth(over: str, curves: Curves) -> Lines:
         panels=((lines,),),
         log_x=over == "unknowns",
         log_y=(True,),
-        floor=(0.1,),
+        floor=(0.01,),
         ceiling=(1e7,),
     )
 

@@ -14,6 +14,9 @@ from hqp_rp.compare.bench_entrants import Entrant, not_installed, our_entrants
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.problem import FloatArray, Problem
 
+STEP_FAMILIES = ("step_sawyer", "step_humanoid")
+"""Names of the whole control steps, for `--family`."""
+
 DT = 0.01
 """s, for how long mink's answer is held; ours is a velocity."""
 

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import json
+import os
 import pkgutil
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -64,6 +69,21 @@ def warm_up_all(report: Callable[[str, int, int], None] | None = None) -> Warmup
     compiled = _own_seconds(recorder.buffer)
     cold = tuple(name for name, kernel in entries if not kernel.signatures and name in _entry_points(entries))
     return Warmup(compiled, loaded, time.perf_counter() - begin, cold)
+
+
+def compile_from_nothing() -> Warmup:
+    """`warm_up_all` in a fresh process on an empty cache: what the first use after an installation costs, a minute or two."""
+    with tempfile.TemporaryDirectory() as cache:
+        done = subprocess.run(
+            [sys.executable, "-m", __name__],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "NUMBA_CACHE_DIR": cache},
+        )
+    found = json.loads(done.stdout.splitlines()[-1])
+    compiled = tuple(Compiled(**kernel) for kernel in found.pop("compiled"))
+    return Warmup(compiled, found["cached"], found["seconds"], tuple(found["cold"]))
 
 
 def _problems() -> dict[str, Problem]:
@@ -157,3 +177,7 @@ def _name(dispatcher: Any) -> str:
     if not function.__module__.startswith("hqp_rp."):
         return ""
     return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+
+
+if __name__ == "__main__":
+    print(json.dumps(dataclasses.asdict(warm_up_all())))

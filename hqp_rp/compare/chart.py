@@ -69,7 +69,8 @@ class Lines:
         title: one line. caption: what is drawn and how to read it.
         x_label: label of the abscissa; log_x, reverse_x: its axis (reversed: falling from left to right).
         columns: titles; rows: labels of the quantities; log_y: for each row.
-        floor: for each row, what zero is drawn at on a log axis; ceiling: where its axis ends at most.
+        floor: for each row, what zero is drawn at on a log axis; ceiling: where its axis ends at most; reach: where it ends
+            at least, empty for no such end.
         panels: panels[row][column], the lines of one panel.
         marks: abscissas where a thin vertical line stands, with its words.
     """
@@ -86,6 +87,7 @@ class Lines:
     log_y: tuple[bool, ...] = ()
     floor: tuple[float, ...] = ()
     ceiling: tuple[float, ...] = ()
+    reach: tuple[float, ...] = ()
     marks: tuple[tuple[float, str], ...] = ()
 
     def limits(self, row: int) -> tuple[float, float]:
@@ -100,7 +102,8 @@ class Lines:
         shown = np.clip(values, self.floor[row], self.ceiling[row])
         if not shown.size:
             return self.floor[row], self.ceiling[row]
-        return float(np.quantile(shown, LOWEST, method="lower")) / 3.0, float(shown.max()) * 3.0
+        top = float(shown.max()) * 3.0
+        return float(np.quantile(shown, LOWEST, method="lower")) / 3.0, max([top, *self.reach[row : row + 1]])
 
     def drawn(self, row: int, y: FloatArray) -> FloatArray:
         """y as it is drawn: on a log axis, what is below the floor lies on it."""

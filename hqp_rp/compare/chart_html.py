@@ -182,9 +182,10 @@ def _bars(chart: Bars) -> Any:
             )
         )  # fmt: skip
     for at, title in chart.titles():
-        figure.add_annotation(x=0.0, y=at, text=f"<b>{title}</b>", showarrow=False, xanchor="left")
+        figure.add_annotation(x=0.0, xref="paper", y=at, text=f"<b>{title}</b>", showarrow=False, xanchor="left")
     values = [value for _, _, value, _ in rows]
-    limits = [math.log10(min([1.0, *values]) * 0.9), math.log10(max([10.0, *values]) * 1.8)]
+    least = min([1.0, *values])
+    limits = [math.log10(least * (0.9 if least == 1.0 else 0.5)), math.log10(max([10.0, *values]) * 1.8)]
     figure.update_xaxes(type="log", range=limits, title_text=chart.x_label, gridcolor=_GRID)
     last = max((at for at, *_ in rows), default=0.0)
     figure.update_yaxes(tickvals=[at for at, *_ in rows], ticktext=[label for _, label, _, _ in rows],

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from hqp_rp.compare.chart import Bars, Chart, Dots, Lines, Style
 
@@ -34,21 +35,24 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Figure:
         sorted({line.label: None for row in chart.panels for line in row[c]}, key=_rank(styles)) for c in range(columns)
     ]
     key = 0.165 * max(map(len, labels)) + 0.35
-    width, height = 0.9 + 3.1 * columns, 0.45 + key + 1.75 * rows + 0.6
+    width = 0.9 + 3.1 * columns
+    title = _title(chart.title, width - 0.85)
+    head = 0.45 + 0.2 * title.count("\n")
+    height = head + key + 1.75 * rows + 0.6
     figure = Figure(figsize=(width, height), facecolor="white")
     grid = figure.subplots(rows, columns, sharex=True, sharey="row", squeeze=False)
     left, bottom = 0.85 / width, 0.6 / height
-    top = 1.0 - (0.45 + key) / height
+    top = 1.0 - (head + key) / height
     figure.subplots_adjust(left=left, right=1.0 - 0.15 / width, bottom=bottom, top=top, wspace=0.06, hspace=0.1)
-    figure.text(left, 1.0 - 0.3 / height, chart.title, fontsize=12, fontweight="bold")
-    for c, title in enumerate(chart.columns):
+    figure.text(left, 1.0 - 0.12 / height, title, fontsize=12, fontweight="bold", va="top")
+    for c, column in enumerate(chart.columns):
         box = grid[0, c].get_position()
         handles = [_handle(styles[label], label) for label in labels[c]]
         figure.legend(
             handles=handles,
             loc="lower left",
             bbox_to_anchor=(box.x0 - 0.05 / width, top + 0.03 / height),
-            title=title,
+            title=column,
             title_fontproperties={"size": 9, "weight": "bold"},
             alignment="left",
             fontsize=8.5,
@@ -64,6 +68,11 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Figure:
     for axes in grid[-1]:
         axes.set_xlabel(chart.x_label, fontsize=8.5)
     return figure
+
+
+def _title(words: str, width: float) -> str:
+    """The title on as many lines as a figure of that width in inches needs."""
+    return textwrap.fill(words, max(int(width / 0.105), 20))
 
 
 def _rank(styles: dict[str, Style]) -> Any:
@@ -127,7 +136,8 @@ def _dots(chart: Dots, styles: dict[str, Style]) -> Figure:
     figure.subplots_adjust(
         left=margin / width, right=1.0 - 0.25 / width, top=1.0 - 0.8 / height, bottom=0.65 / height, wspace=0.08
     )
-    figure.text(0.2 / width, 1.0 - 0.32 / height, chart.title, fontsize=12, fontweight="bold")
+    words = _title(chart.title, width - 0.4)
+    figure.text(0.2 / width, 1.0 - 0.12 / height, words, fontsize=12, fontweight="bold", va="top")
     for axes, title, values in zip(grid, chart.columns, chart.values, strict=True):
         axes.set_title(title, fontsize=10, loc="left")
         for label in labels:
@@ -175,11 +185,17 @@ def _bars(chart: Bars) -> Figure:
     figure.text(0.2 / width, 1.0 - 0.32 / height, chart.title, fontsize=12, fontweight="bold")
     for at, _, value, kind in rows:
         axes.barh(at, value - 1.0, left=1.0, height=0.72, color=chart.colour(kind), linewidth=0)
-        axes.annotate(f"{value:.3g}", (value, at), (3, 0), textcoords="offset points", fontsize=7.5, va="center")
+        beside, side = ((3, 0), "left") if value >= 1.0 else ((-3, 0), "right")
+        axes.annotate(
+            f"{value:.3g}", (value, at), beside, textcoords="offset points", fontsize=7.5, va="center", ha=side
+        )
     for at, title in chart.titles():
-        axes.text(1.0, at, title, fontsize=9, fontweight="bold", va="center")
+        axes.text(0.0, at, title, fontsize=9, fontweight="bold", va="center", transform=axes.get_yaxis_transform())
     axes.set_xscale("log")
-    axes.set_xlim(min([1.0, *(value for _, _, value, _ in rows)]) * 0.9, max([10.0, *(v for _, _, v, _ in rows)]) * 1.6)
+    least = min([1.0, *(value for _, _, value, _ in rows)])
+    axes.set_xlim(least * (0.9 if least == 1.0 else 0.5), max([10.0, *(v for _, _, v, _ in rows)]) * 1.6)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_ylim(last + 0.8, -0.8)
     axes.set_yticks([at for at, *_ in rows], [label for _, label, _, _ in rows], fontsize=8)

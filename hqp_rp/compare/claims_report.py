@@ -13,8 +13,8 @@ from hqp_rp.compare.chart import Line, Lines, Style, styles, thinned
 from hqp_rp.compare.claims import CONFLICT, LINE_UP, REVERSE, REVERSE_DAMPED, TRACKING, WALL, WIPE, Study, rulings
 from hqp_rp.compare.contact_runs import ContactFigures, contact_figures, run_contacts
 from hqp_rp.compare.contestants import Contestant, default_contestants
-from hqp_rp.compare.figures import grouped
 from hqp_rp.compare.machine import machine, usable_cores, versions
+from hqp_rp.compare.panels import grouped
 from hqp_rp.compare.report import Report, Section, Table, listing, number, share, write_report
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.core.errors import HqpError

@@ -54,7 +54,7 @@ def compare(
     except KeyboardInterrupt:
         print(f"\nStopped. What is finished is kept in {output}; the same command goes on from there.", file=sys.stderr)
         return INTERRUPTED
-    for sentence in found.answer:
+    for sentence in (*found.left_out, *found.answer):
         print(f"- {sentence}")
     print(f"The report: {output / 'report.html'}")
     return 0
@@ -163,6 +163,9 @@ def bench(
     peer_python: tyro.conf.UseAppendAction[tuple[pathlib.Path, ...]] = (),
     output: pathlib.Path = pathlib.Path("bench"),
     quick: bool = False,
+    lexls: pathlib.Path | None = None,
+    eigen: pathlib.Path | None = None,
+    compile_time: bool = False,
 ) -> int:
     """Time every solver beside what a user would pick instead, in one run, and say what got worse since the last one.
 
@@ -170,19 +173,30 @@ def bench(
 
     Args:
         family: a family of problems (7_3-3, 30, humanoid_40, 100, step_sawyer ...); repeat it for more. Without it, all.
-        peer: daqp, numpy, qpsolvers, mink, pink or placo; repeat it for more. Without it, all that are installed.
-        peer_python: the Python interpreter of an environment where pink or placo is installed; repeat it for more.
+        peer: daqp, numpy, qpsolvers, mink, pink, placo or roboplan; repeat it for more. Without it, all that are installed.
+        peer_python: the Python interpreter of an environment where pink, placo or roboplan is installed; repeat it for more.
         output: the folder to write; it is the history that the next run is compared with.
         quick: fewer calls, and no figures of how cost grows.
+        lexls: a checkout of github.com/jrl-umi3218/lexls (C++), timed beside our kernel; needs a C++ compiler and Eigen.
+        eigen: the folder that holds the folder Eigen, when it is not where it usually is.
+        compile_time: compile every kernel on an empty cache too and say what it took: a minute or two.
     """
     from hqp_rp.compare.bench import bench as run
 
     found = run(
-        output, families=family or None, peers=peer or None, peer_python=peer_python, quick=quick, progress=True
+        output,
+        families=family or None,
+        peers=peer or None,
+        peer_python=peer_python,
+        quick=quick,
+        lexls=lexls,
+        eigen=eigen,
+        compile_time=compile_time,
+        progress=True,
     )
     from hqp_rp.compare.bench_report import answer
 
-    for sentence in (*answer(found.measured), *found.against, *found.measured.missing):
+    for sentence in (*answer(found.measured), *found.against, *found.measured.missing, *found.measured.inside.missing):
         print(f"- {sentence}")
     print(f"The report: {output / 'report.html'}")
     return 0

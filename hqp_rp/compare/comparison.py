@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import polars as pl
 
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
+from hqp_rp.compare.limits_study import LimitCase, limit_cases, limit_scenarios
 from hqp_rp.compare.machine import usable_cores
 from hqp_rp.compare.metrics import levels_frame, measured_frame, runs_frame, steps_frame
 from hqp_rp.compare.report import FILES, Report, write_report
@@ -36,6 +37,7 @@ class Comparison:
         measured: one row for each step and figure that only the scenario could measure.
         runs: one row for each run (largest and median distance, total variation, shares of each status, times).
         cases: one entry for each case of each scenario: what the report's sentences are made of.
+        limits: the same for the cases of scenarios that measure violations of limits.
         left_out: for each scenario that needs an absent optional package, a sentence that says so and the remedy.
         folder: where the report was written, or None.
     """
@@ -48,15 +50,27 @@ class Comparison:
     measured: pl.DataFrame
     runs: pl.DataFrame
     cases: tuple[Case, ...]
+    limits: tuple[LimitCase, ...] = ()
     left_out: tuple[str, ...] = ()
     folder: pathlib.Path | None = None
 
     @property
     def answer(self) -> tuple[str, ...]:
-        """The answer in a few sentences."""
+        """The answer in a few sentences: first on singularities, then on limits, where scenarios of that kind were run."""
         from hqp_rp.compare.findings import answer
+        from hqp_rp.compare.limits_findings import limits_answer
 
-        return answer(self.cases)
+        others = self.without_limits
+        return (
+            *(answer(others) if others or not self.limits else ()),
+            *(limits_answer(self.limits) if self.limits else ()),
+        )
+
+    @property
+    def without_limits(self) -> tuple[Case, ...]:
+        """The cases of scenarios that measure no violation of limits."""
+        with_limits = {type(case.case.scenario) for case in self.limits}
+        return tuple(case for case in self.cases if type(case.scenario) not in with_limits)
 
     def report(self) -> Report:
         """The report as data."""
@@ -95,7 +109,8 @@ def compare(
 
     Raises:
         UnknownNameError, SettingError: a scenario, solver or setting that does not exist or is not allowed.
-        MissingExtraError: a scenario that was asked for needs an optional package that is absent.
+        MissingExtraError: the only scenario, or every one of them, needs an optional package that is absent; where others
+            remain, they are run, and the report says what was left out.
         FileError: `output` holds another run's report or foreign files, or cannot be written.
     """
     chosen, left_out = _scenarios(scenarios, quick)
@@ -130,16 +145,19 @@ def _measured(
 ) -> Comparison:
     run_units(units, folder, workers=workers, progress=progress)
     parts = folder.load(unit.key for unit in units)
-    steps, levels = steps_frame(parts), levels_frame(parts)
+    steps, levels, measured = steps_frame(parts), levels_frame(parts), measured_frame(parts)
+    with_limits = [scenario for scenario in scenarios if type(scenario).name in limit_scenarios(measured)]
+    limits = [limit_cases(scenario, contestants, steps, levels, measured) for scenario in with_limits]
     return Comparison(
         scenarios=scenarios,
         contestants=contestants,
         seeds=seeds,
         steps=steps,
         levels=levels,
-        measured=measured_frame(parts),
+        measured=measured,
         runs=runs_frame(steps),
         cases=tuple(case for scenario in scenarios for case in cases(scenario, contestants, steps, levels)),
+        limits=tuple(case for found in limits for case in found),
     )
 
 
@@ -148,7 +166,7 @@ def _by_default() -> list[str]:
 
 
 def _scenarios(scenarios: Sequence[str | Scenario] | None, quick: bool) -> tuple[tuple[Scenario, ...], tuple[str, ...]]:
-    """The scenarios, and a sentence for each that nobody asked for by name and that lacks an optional package."""
+    """The scenarios, and a sentence for each that lacks an optional package; one alone that lacks it is an error."""
     if isinstance(scenarios, str | Scenario):
         raise SettingError(f"scenarios is {scenarios!r}; give a list of scenario names or Scenarios, or None for all.")
     if scenarios is not None and not len(scenarios):
@@ -163,9 +181,11 @@ def _scenarios(scenarios: Sequence[str | Scenario] | None, quick: bool) -> tuple
         try:
             scenario.check()
         except MissingExtraError as error:
-            if scenarios is not None:
+            if scenarios is not None and len(scenarios) == 1:
                 raise
             left_out.append(f"{name} was left out: {error}")
             continue
         found[name] = scenario
+    if not found:
+        raise MissingExtraError(" ".join(left_out))
     return tuple(scenario.quick() if quick else scenario for scenario in found.values()), tuple(left_out)

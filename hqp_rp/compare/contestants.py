@@ -18,7 +18,8 @@ EXACT = "exact in theory"
 DAMPED = "damped or robust priority"
 SOFT = "no strict priority"
 QP = "QP cascade and active set"
-GROUPS = (EXACT, DAMPED, SOFT, QP)
+WITHIN = "closed form within hard rows"
+GROUPS = (EXACT, DAMPED, SOFT, QP, WITHIN)
 """The groups, in the order in which figures and tables show them."""
 
 
@@ -82,6 +83,13 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
     ),
     "hierarchical_active_set": (("active set", {}, QP, "one active set over the whole hierarchy, no QP back end"),),
     "daqp": (("DAQP hierarchy", {}, QP, "DAQP's own hierarchical mode"),),
+    "reverse_priority_unilateral": (
+        ("reverse priority unilateral", {}, WITHIN, "hard rows that are active enter as the level executed last"),
+    ),
+    "saturation_null_space": (
+        ("saturation null space", {}, WITHIN, "SNS, basic: saturates unknowns at their bounds, then scales the task"),
+        ("saturation optimal", {"variant": "optimal"}, WITHIN, "Opt-SNS: releases too; largest scale, then least norm"),
+    ),
 }
 
 _FOR_LIMITS = ("reverse_priority_unilateral", "saturation_null_space")

@@ -7,22 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.chart import LOWEST, Chart, Dots, Line, Lines, thinned
-from hqp_rp.compare.contestants import GROUPS, Contestant
+from hqp_rp.compare.chart import Chart, Dots, Line, Lines
+from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.metrics import parting_frame
+from hqp_rp.compare.panels import (
+    ERROR_FLOOR,
+    array,
+    broken,
+    by_contestant,
+    curves,
+    error_rows,
+    grid,
+    grouped,
+    level_names,
+    wide,
+    words,
+)
 from hqp_rp.compare.study import PARTING, singular_distance
-from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios.scenario import Scenario
-
-ERROR_FLOOR, ERROR_CEILING = 1e-17, 1e8
-NORM_FLOOR, NORM_CEILING = 1e-4, 1e14
-OTHER_FLOOR = 1e-12
-
-
-def grouped(contestants: Sequence[Contestant]) -> list[tuple[str, list[str]]]:
-    """(group, labels), in the order of `GROUPS`, groups without a contestant left out."""
-    found = [(group, [item.label for item in contestants if item.group == group]) for group in GROUPS]
-    return [(group, labels) for group, labels in found if labels]
 
 
 def scenario_charts(
@@ -59,7 +61,7 @@ def _family(
     scenario: Scenario, case: str, contestants: Sequence[Contestant], steps: pl.DataFrame, levels: pl.DataFrame
 ) -> Lines:
     """Errors and |x| against the distance, the median of the seeds and the range between them."""
-    names = _level_names(levels)
+    names = level_names(levels)
     tables = [
         levels.filter(pl.col("level") == k + 1).select(
             "contestant", "parameter", pl.col("excess").alias("y"), "uncertainty"
@@ -67,8 +69,8 @@ def _family(
         for k in range(len(names))
     ]
     tables.append(steps.select("contestant", "parameter", pl.col("x_norm").alias("y")))
-    rows = [*_error_rows(names), "|x|"]
-    return _grid(
+    rows = [*error_rows(names), "|x|"]
+    return grid(
         scenario,
         case,
         contestants,
@@ -98,7 +100,7 @@ def _cut(levels: pl.DataFrame) -> tuple[tuple[float, str], ...]:
         .agg(pl.col("lost").mean())
         .filter(pl.col("lost") > 0.5)
     )
-    return () if not lost.height else ((float(np.max(_array(lost["parameter"]))), "rank rule cuts"),)
+    return () if not lost.height else ((float(np.max(array(lost["parameter"]))), "rank rule cuts"),)
 
 
 def _against_sigma(
@@ -106,7 +108,7 @@ def _against_sigma(
 ) -> Lines:
     """The largest error and |x| seen at each distance, where the distance is sigma_min of the projected level."""
     sigma = singular_distance(levels)
-    names = _level_names(levels)
+    names = level_names(levels)
     tables = [
         levels.filter(pl.col("level") == k + 1)
         .join(sigma, on=["contestant", "seed", "step"])
@@ -116,7 +118,7 @@ def _against_sigma(
     tables.append(
         steps.join(sigma, on=["contestant", "seed", "step"]).select("contestant", "sigma", pl.col("x_norm").alias("y"))
     )
-    return _grid(
+    return grid(
         scenario,
         case,
         contestants,
@@ -126,7 +128,7 @@ def _against_sigma(
         "over the levels whose rows fit there; the largest value in each quarter of a decade is drawn, over all seeds. "
         f"Excess error as everywhere; zero is drawn at {ERROR_FLOOR:g}.",
         x_label="smallest sigma of a projected level",
-        rows=[*_error_rows(names), "|x|"],
+        rows=[*error_rows(names), "|x|"],
         panels=[_largest(table, contestants) for table in tables],
         log_x=True,
         reverse_x=True,
@@ -138,7 +140,7 @@ def _path(
 ) -> Lines:
     """Errors, |x| and sigma along the path of the first seed."""
     first = pl.col("seed") == steps["seed"].min()
-    names = _level_names(levels)
+    names = level_names(levels)
     tables = [
         levels.filter(first & (pl.col("level") == k + 1)).select(
             "contestant", "parameter", pl.col("excess").alias("y"), "uncertainty"
@@ -150,7 +152,7 @@ def _path(
     answered = steps.filter(pl.col("x").is_not_null()).select(*keys, "parameter")
     sigma = singular_distance(levels).join(answered, on=keys)
     tables.append(sigma.filter(first).select("contestant", "parameter", pl.col("sigma").alias("y")))
-    return _grid(
+    return grid(
         scenario,
         case,
         contestants,
@@ -160,8 +162,8 @@ def _path(
         "size of the answer (of the joint velocity, where x is one); sigma is the distance to the singularity that this "
         "solver's own motion kept.",
         x_label=scenario.abscissa,
-        rows=[*_error_rows(names), "|x|", "sigma"],
-        panels=[_curves(table, contestants) for table in tables],
+        rows=[*error_rows(names), "|x|", "sigma"],
+        panels=[curves(table, contestants) for table in tables],
     )
 
 
@@ -173,8 +175,8 @@ def _measured(scenario: Scenario, case: str, contestants: Sequence[Contestant], 
         first.filter(pl.col("quantity") == name).select("contestant", "parameter", pl.col("value").alias("y"))
         for name in names
     ]
-    log = [_wide(_array(table["y"].drop_nulls())) for table in tables]
-    return _grid(
+    log = [wide(array(table["y"].drop_nulls())) for table in tables]
+    return grid(
         scenario,
         case,
         contestants,
@@ -182,8 +184,8 @@ def _measured(scenario: Scenario, case: str, contestants: Sequence[Contestant], 
         title="What the simulation measured along the path",
         caption="The first seed, in the units that the labels name.",
         x_label=scenario.abscissa,
-        rows=[_broken(name) for name in names],
-        panels=[_curves(table, contestants) for table in tables],
+        rows=[broken(name) for name in names],
+        panels=[curves(table, contestants) for table in tables],
         log_y=log,
     )
 
@@ -207,56 +209,12 @@ def _parting(scenario: Scenario, contestants: Sequence[Contestant], steps: pl.Da
         caption=f"The first step of the path whose |x - x*| / |x*| exceeds {PARTING:g}: a small dot for each seed, a large "
         "one for their median; further right is better. Steps on which the rank itself is ambiguous are not counted.",
         x_label=scenario.abscissa,
-        columns=tuple(case or _words(name) for case in cases),
+        columns=tuple(case or words(name) for case in cases),
         groups=tuple((group, tuple(labels)) for group, labels in grouped(contestants)),
         values=tuple(values),
         log_x=scenario.log_abscissa,
         reverse_x=scenario.log_abscissa,
     )
-
-
-Panels = list[tuple[Line, ...]]
-
-
-def _grid(
-    scenario: Scenario,
-    case: str,
-    contestants: Sequence[Contestant],
-    *,
-    kind: str,
-    title: str,
-    caption: str,
-    x_label: str,
-    rows: Sequence[str],
-    panels: Sequence[dict[str, Line]],
-    log_x: bool = False,
-    reverse_x: bool = False,
-    log_y: Sequence[bool] | None = None,
-    marks: tuple[tuple[float, str], ...] = (),
-) -> Lines:
-    name = type(scenario).name
-    drawn = {label for row in panels for label in row}
-    groups = [(group, labels) for group, labels in grouped(contestants) if drawn & set(labels)]
-    slug = "-".join(part for part in (name, kind, case) if part).replace("_", "-").replace(" ", "-")
-    errors = [row.endswith("excess error") for row in rows]
-    labelled = list(zip(rows, errors, strict=True))
-    return Lines(
-        name=slug,
-        title=f"{title} ({_words(name)}{', ' + case if case else ''})",
-        caption=caption,
-        x_label=x_label,
-        columns=tuple(group for group, _ in groups),
-        rows=tuple(rows),
-        panels=tuple(
-            tuple(tuple(row[label] for label in labels if label in row) for _, labels in groups) for row in panels
-        ),
-        log_x=log_x,
-        reverse_x=reverse_x,
-        log_y=tuple(log_y) if log_y is not None else (True,) * len(rows),
-        floor=tuple(ERROR_FLOOR if error else NORM_FLOOR if row == "|x|" else OTHER_FLOOR for row, error in labelled),
-        ceiling=tuple(ERROR_CEILING if error else NORM_CEILING for error in errors),
-        marks=marks,
-    )  # fmt: skip
 
 
 def _spread(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str, Line]:
@@ -274,8 +232,8 @@ def _spread(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str,
         )
         .sort("parameter")
     )
-    for label, part in _by_contestant(together, contestants):
-        x, y, low, high = (_array(part[name]) for name in ("parameter", "middle", "low", "high"))
+    for label, part in by_contestant(together, contestants):
+        x, y, low, high = (array(part[name]) for name in ("parameter", "middle", "low", "high"))
         found[label] = Line(label, x, y, low, high, part["sure"].to_numpy() if sure else None)
     return found
 
@@ -292,53 +250,5 @@ def _largest(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str
         .sort("sigma")
     )
     return {
-        label: Line(label, _array(part["sigma"]), _array(part["y"]))
-        for label, part in _by_contestant(binned, contestants)
+        label: Line(label, array(part["sigma"]), array(part["y"])) for label, part in by_contestant(binned, contestants)
     }
-
-
-def _curves(table: pl.DataFrame, contestants: Sequence[Contestant]) -> dict[str, Line]:
-    """y along the path, thinned without losing a peak."""
-    found = {}
-    for label, part in _by_contestant(table.drop_nulls(), contestants):
-        y = _array(part["y"])
-        chosen = thinned(y)
-        sure = (y > _array(part["uncertainty"]))[chosen] if "uncertainty" in part.columns else None
-        found[label] = Line(label, _array(part["parameter"])[chosen], y[chosen], sure=sure)
-    return found
-
-
-def _by_contestant(table: pl.DataFrame, contestants: Sequence[Contestant]) -> list[tuple[str, pl.DataFrame]]:
-    parts = [(item.label, table.filter(pl.col("contestant") == item.label)) for item in contestants]
-    return [(label, part) for label, part in parts if part.height]
-
-
-def _level_names(levels: pl.DataFrame) -> list[str]:
-    return levels.group_by("level").agg(pl.col("name").first()).sort("level")["name"].to_list()
-
-
-def _error_rows(names: Sequence[str]) -> list[str]:
-    return [f"{k + 1}: {name}\nexcess error" for k, name in enumerate(names)]
-
-
-def _array(series: pl.Series) -> FloatArray:
-    return series.cast(pl.Float64).to_numpy().astype(np.float64)
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _wide(values: FloatArray) -> bool:
-    """Whether values are positive but for a few, and spread over so many decades that they need a log axis."""
-    low = float(np.quantile(values, LOWEST, method="lower"))
-    return low > 0.0 and float(values.max()) > 300.0 * low
-
-
-def _broken(label: str) -> str:
-    """A long row label on two lines."""
-    words = label.split()
-    if len(label) <= 18 or len(words) < 2:
-        return label
-    cut = min(range(1, len(words)), key=lambda i: abs(len(" ".join(words[:i])) - len(" ".join(words[i:]))))
-    return " ".join(words[:cut]) + "\n" + " ".join(words[cut:])

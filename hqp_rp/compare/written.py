@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from hqp_rp.compare.chart import styles
-from hqp_rp.compare.figures import grouped, scenario_charts
-from hqp_rp.compare.findings import Verdict, answer, case_sentences, claims
+from hqp_rp.compare.figures import scenario_charts
+from hqp_rp.compare.findings import Verdict, case_sentences, claims
+from hqp_rp.compare.limits_figures import limit_charts
+from hqp_rp.compare.limits_findings import limit_sentences
+from hqp_rp.compare.limits_tables import limit_tables
 from hqp_rp.compare.machine import machine, versions
+from hqp_rp.compare.panels import grouped
 from hqp_rp.compare.report import Report, Section, Table, number, share
 from hqp_rp.compare.study import BOUNDED, KEPT, PARTING, Case
 from hqp_rp.core.solution import Status
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
     from hqp_rp.compare.comparison import Comparison
 
 QUESTION = "Which prioritized solver is accurate near algorithmic singularities?"
+LIMITS_QUESTION = "Which prioritized solver keeps a robot's limits, and what does each level pay?"
 
 _CANNOT_TELL = (
     "Excess errors are found in double precision: what rounding alone can explain is drawn pale and not held against a solver.",
@@ -30,20 +35,27 @@ _CANNOT_TELL = (
 
 def comparison_report(comparison: Comparison) -> Report:
     """The whole report of a comparison, as data."""
-    cases = comparison.cases
+    cases = comparison.without_limits
     verdicts = claims(cases)
-    sections = [Section("The answer", answer(cases))]
+    sections = [Section("The answer", comparison.answer)]
     if verdicts:
         sections.append(Section("What the paper on reverse priority claims", tables=(_claims(verdicts),)))
     sections += [
         Section("What this cannot tell", _limits(comparison), listed=True),
         Section("Figures", sections=tuple(_figures(scenario, comparison) for scenario in comparison.scenarios)),
-        Section("Tables", tables=tuple(_outcomes(case) for case in cases) + tuple(_statuses(comparison))),
-        Section("Times", (_CANNOT_TELL[-1],), tables=(_times(cases),)),
+        Section("Tables", tables=_tables(comparison) + tuple(_statuses(comparison))),
+        Section("Times", (_CANNOT_TELL[-1],), tables=(_times(comparison.cases),)),
         Section("Settings", tables=(_contestants(comparison), _scenarios(comparison), _versions())),
     ]
     labels = [names for _, names in grouped(comparison.contestants)]
-    return Report("hqp_rp: prioritized solvers side by side", QUESTION, tuple(sections), styles(labels))
+    questions = [QUESTION] if cases or not comparison.limits else []
+    question = " ".join(questions + ([LIMITS_QUESTION] if comparison.limits else []))
+    return Report("hqp_rp: prioritized solvers side by side", question, tuple(sections), styles(labels))
+
+
+def _tables(comparison: Comparison) -> tuple[Table, ...]:
+    limits = tuple(table for case in comparison.limits for table in limit_tables(case))
+    return tuple(_outcomes(case) for case in comparison.without_limits) + limits
 
 
 def _limits(comparison: Comparison) -> tuple[str, ...]:
@@ -59,13 +71,28 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
+def _capital(title: str) -> str:
+    return f"{title[0].upper()}{title[1:]}"
+
+
 def _figures(scenario: Scenario, comparison: Comparison) -> Section:
+    title = _words(type(scenario).name).capitalize()
+    limits = [case for case in comparison.limits if type(case.case.scenario) is type(scenario)]
+    if limits:
+        inner = [
+            Section(
+                _capital(case.case.title),
+                limit_sentences(case),
+                listed=True,
+                charts=tuple(limit_charts(case, comparison.contestants, comparison.levels, comparison.measured)),
+            )
+            for case in limits
+        ]
+        return Section(title, (scenario.question,), sections=tuple(inner))
     own = [case for case in comparison.cases if type(case.scenario) is type(scenario)]
     charts = scenario_charts(scenario, comparison.contestants, comparison.steps, comparison.levels, comparison.measured)
-    words = tuple(
-        Section(f"{case.title[0].upper()}{case.title[1:]}: in words", case_sentences(case), listed=True) for case in own
-    )
-    return Section(_words(type(scenario).name).capitalize(), (scenario.question,), charts=tuple(charts), sections=words)
+    words = tuple(Section(f"{_capital(case.title)}: in words", case_sentences(case), listed=True) for case in own)
+    return Section(title, (scenario.question,), charts=tuple(charts), sections=words)
 
 
 def _claims(verdicts: tuple[Verdict, ...]) -> Table:
@@ -109,7 +136,7 @@ def _outcomes(case: Case) -> Table:
         )
     methods = "; ".join(case.reference)
     return Table(
-        f"{case.title[0].upper()}{case.title[1:]}",
+        _capital(case.title),
         header,
         tuple(rows),
         f"Distance is |x - x*| / |x*|; leaves at: {case.scenario.abscissa} of the first step beyond {number(PARTING)}, median "

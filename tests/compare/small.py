@@ -76,3 +76,50 @@ class Fixed(Solver):
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         x = None if self.x is None else np.array(self.x[: problem.n] + (0.0,) * (problem.n - len(self.x)))
         return Solution(problem, x, self.status, message=self.message)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Bounded(Scenario):
+    """x_1 = 2 before x_2 = 1, every half second, with |x_1| <= 1 as a hard row; the second case leaves the row out.
+
+    Seed 1 starts 0.2 outside a position limit and is inside again from the third step on; a solver whose x_1 is beyond 1
+    adds to what is left of it.
+    """
+
+    name: ClassVar[str] = "bounded"
+    question: ClassVar[str] = "Who keeps |x_1| <= 1?"
+    cannot_tell: ClassVar[tuple[str, ...]] = ("Nothing moves.",)
+    abscissa: ClassVar[str] = "time (s)"
+    without_limits: ClassVar[str] = "no limits"
+
+    def steps(self, solver: Solver, seed: int) -> Iterator[Step]:
+        for case in ("hard", "no limits"):
+            hard = Level([[1.0, 0.0]], -1.0, 1.0, name="speed") if case == "hard" else None
+            levels = [
+                Level.equality([[1.0, 0.0]], [2.0], name="tool"),
+                Level.equality([[0.0, 1.0]], [1.0], name="posture"),
+            ]
+            problem = Problem(levels, hard)
+            for k in range(4):
+                solution, seconds = timed_solve(solver, problem)
+                if solution.status is Status.REFUSED:
+                    yield Step(case, 0.5 * k, problem, solution, seconds)
+                    break
+                x = np.zeros(2) if solution.x is None else solution.x
+                left = 0.2 * seed * max(1.0 - 0.5 * k, 0.0)
+                added = max(abs(x[0]) - 1.5, 0.0)
+                measured = {
+                    "position limit violation [rad]": left + added,
+                    "position limit violation left [rad]": left,
+                    "position limit violation added [rad]": added,
+                    "velocity limit violation [rad/s]": max(abs(x[0]) - 1.0, 0.0) * (k % 2),
+                    "tool error [m]": abs(2.0 - x[0]) * (k + 1),
+                    "posture error [rad]": abs(1.0 - x[1]),
+                }
+                yield Step(case, 0.5 * k, problem, solution, seconds, measured)
+
+    def length(self) -> int:
+        return 8
+
+    def quick(self) -> Bounded:
+        return self

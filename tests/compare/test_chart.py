@@ -90,3 +90,15 @@ def test_both_drawings_hold_the_chart(chart: Lines | Dots) -> None:
     data = json.loads(page[page.index("[{") : page.index("}],") + 2])
     names = {trace.get("name") for trace in data} | {y for trace in data for y in trace["y"] if isinstance(y, str)}
     assert {"a", "b"} <= names
+
+
+def test_an_axis_reaches_where_it_is_told_to() -> None:
+    assert lines(reach=(50.0,)).limits(0)[1] == 50.0
+    assert lines(reach=(1e-3,)).limits(0)[1] == pytest.approx(3.0)
+
+
+def test_a_long_title_takes_more_lines_and_room() -> None:
+    def height(title: str) -> int:
+        return int.from_bytes(png(lines(title=title), LOOK)[20:24], "big")
+
+    assert height("Errors of each level against the distance to the singularity, in a narrow figure") > height("Errors")

@@ -251,8 +251,13 @@ def test_a_scenario_without_its_package_is_left_out_and_named(monkeypatch: pytes
     assert found.left_out == ("needy was left out: needy needs a robot; pip install robot.",)
     limits = next(section for section in found.report().sections if section.title == "What this cannot tell")
     assert found.left_out[0] in limits.sentences
+    named = compare(["closing", "needy"], ["pseudo_inverse"], quick=True, workers=1)
+    assert named.left_out == found.left_out
     with pytest.raises(MissingExtraError):
         compare(["needy"], ["pseudo_inverse"], workers=1)
+    registry.pop("closing")
+    with pytest.raises(MissingExtraError, match="needy was left out"):
+        compare(None, ["pseudo_inverse"], workers=1)
 
 
 def test_quick_is_shorter() -> None:

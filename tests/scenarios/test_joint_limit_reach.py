@@ -46,3 +46,15 @@ def test_weights_trade_the_limits_and_strict_priority_does_not() -> None:
         broken[name] = measured(steps, "acceleration limit violation [rad/s^2]").max()
     assert broken["hierarchical_active_set"] < 1e-9
     assert 1e-6 < broken["weighted"] < 0.1
+
+
+@pytest.mark.parametrize("variant", ["basic", "optimal"])
+def test_saturation_keeps_every_limit_and_comes_back_to_the_target(variant: str) -> None:
+    scenario = JointLimitReach().quick()
+    for seed in (0, 1):
+        steps = by_case(run(scenario, get_solver("saturation_null_space", variant=variant), seed))["hard limits"]
+        assert {step.solution.status.name for step in steps} == {"SOLVED"}
+        for name in ("position limit violation added [rad]", "velocity limit violation [rad/s]"):
+            assert measured(steps, name).max() < 1e-9
+        assert measured(steps, "acceleration limit violation [rad/s^2]").max() < 1e-7
+        assert measured(steps, "tool position error [m]")[-1] < 0.02

@@ -123,6 +123,27 @@ def test_standing_still_violates_nothing_and_a_wild_answer_is_measured_and_clipp
     assert wild[0].measured["commanded speed [rad/s]"] == pytest.approx(50.0 * np.sqrt(scene.robot.nv))
 
 
+def test_what_is_left_of_a_start_outside_and_what_is_added_are_told_apart() -> None:
+    scenario = JointLimitReach(outside=0.1, duration=3.0, period=0.1, gain=1.0, posture_gain=1.0)
+    start, total = 0.1, "position limit violation [rad]"
+    still = by_case(run(scenario, Constant(), 1))["no limits"]
+    left, added = (measured(still, f"position limit violation {part} [rad]") for part in ("left", "added"))
+    np.testing.assert_allclose(left, start, rtol=1e-12)
+    np.testing.assert_array_equal(added, 0.0)
+    # All joints move on at 0.5 rad/s: the one outside goes farther out or comes back, others leave their ranges.
+    moving = by_case(run(scenario, Constant(value=0.5), 1))["no limits"]
+    left, added, beyond = (
+        measured(moving, name)
+        for name in ("position limit violation left [rad]", "position limit violation added [rad]", total)
+    )
+    assert (np.diff(left) <= 0.0).all()
+    assert (left <= start + 1e-12).all()
+    assert (added >= 0.0).all()
+    assert added[-1] > 0.0
+    assert (np.maximum(left, added) <= beyond + 1e-12).all()
+    assert (beyond <= left + added + 1e-12).all()
+
+
 @every_scenario
 @pytest.mark.parametrize("value", [None, float("nan")])
 def test_without_an_answer_the_robot_stays_where_it_is(scenario: Limited, value: float | None) -> None:

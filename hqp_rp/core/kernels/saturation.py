@@ -15,7 +15,6 @@ import numpy as np
 
 from hqp_rp.core.kernels.cascade import finite
 from hqp_rp.core.kernels.compile import kernel
-from hqp_rp.core.kernels.orthogonal import load, spectral
 
 SLACK = 1e-12  # of the size of an unknown: what rounding may add to it
 
@@ -79,88 +78,68 @@ def scale_range(a, b, low, high, held):
 
 
 @kernel
-def saturation_null_space(A, rhs_given, offsets, low, high, zeta, tol, x, scales):
-    """x (n,) and the scale of each level; returns (finite, saturations tried). Starts from zeta, clipped to the box."""
-    M, n = A.shape
-    p = len(offsets) - 1
-    W = np.empty((M, n))
-    rhs = np.empty(M)
-    if not load(A, rhs_given, offsets, W, rhs, np.empty(p)):
-        return False, 0
-    for j in range(n):
-        x[j] = min(max(zeta[j], low[j]), high[j])
-    scales[:] = 1.0
-    Z = np.eye(n)
-    tried = 0
+def basic_level(J, t, full, zero, Z, low, high, x):
+    """Execute one level of rank `full` as the basic algorithm does, x (n,) updated.
+
+    Returns (finite, scale, saturations tried); the scale is negative, and x unchanged, where none was found.
+    """
+    n = Z.shape[0]
     held = np.zeros(n, np.bool_)
     which = np.empty(n, np.int64)
     bound = np.empty(n)
-    for k in range(p):
-        r0 = offsets[k]
-        r1 = offsets[k + 1]
-        if r0 == r1 or Z.shape[1] == 0:
-            continue
-        J = W[r0:r1].copy()
-        t = rhs[r0:r1].copy()
-        zero = tol * spectral(W, r0, r1)
-        full, _, _, V_free = split(np.dot(J, Z), zero)
-        if full == 0:
-            continue
-        held[:] = False
-        count = 0
-        best = -1.0
-        answer = x.copy()
-        while True:
-            start = x.copy()
-            basis = Z
-            if count:
-                rows = np.empty((count, Z.shape[1]))
-                gap = np.empty(count)
-                for i in range(count):
-                    rows[i] = Z[which[i]]
-                    gap[i] = bound[i] - x[which[i]]
-                rank, U, S, Vt = split(rows, 1e-10)
-                if rank < count:  # the last unknown cannot be brought to its bound beside the others
-                    break
-                start += np.dot(Z, least_squares(rank, U, S, Vt, gap))
-                if rank == Z.shape[1]:
-                    break
-                basis = np.dot(Z, np.ascontiguousarray(Vt[rank:].T))
-            rank, U, S, Vt = split(np.dot(J, basis), zero)
-            if rank < full:
+    count = 0
+    tried = 0
+    best = -1.0
+    answer = x.copy()
+    while True:
+        start = x.copy()
+        basis = Z
+        if count:
+            rows = np.empty((count, Z.shape[1]))
+            gap = np.empty(count)
+            for i in range(count):
+                rows[i] = Z[which[i]]
+                gap[i] = bound[i] - x[which[i]]
+            rank, U, S, Vt = split(rows, 1e-10)
+            if rank < count:  # the last unknown cannot be brought to its bound beside the others
                 break
-            a = np.dot(basis, least_squares(rank, U, S, Vt, t))
-            b = start - np.dot(basis, least_squares(rank, U, S, Vt, np.dot(J, start)))
-            if not finite(a) or not finite(b):
-                return False, tried
-            inside = True
-            for j in range(n):
-                if not held[j] and outside(a[j] + b[j], low[j], high[j]) > 0.0:
-                    inside = False
-            if inside:
-                best = 1.0
-                answer = a + b
+            start += np.dot(Z, least_squares(rank, U, S, Vt, gap))
+            if rank == Z.shape[1]:
                 break
-            least, most, above, below = scale_range(a, b, low, high, held)
-            if least <= most and most >= 0.0 and least <= 1.0 and min(most, 1.0) > best:
-                best = min(most, 1.0)
-                answer = b + best * a
-            critical = above if most < 1.0 else below
-            high_side = a[critical] + b[critical] > high[critical]
-            if critical < 0 or count == n:
-                break
-            if outside(a[critical] + b[critical], low[critical], high[critical]) == 0.0:
-                break  # only rounding is left
-            which[count] = critical
-            bound[count] = high[critical] if high_side else low[critical]
-            held[critical] = True
-            count += 1
-            tried += 1
-        scales[k] = max(best, 0.0)
+            basis = np.dot(Z, np.ascontiguousarray(Vt[rank:].T))
+        rank, U, S, Vt = split(np.dot(J, basis), zero)
+        if rank < full:
+            break
+        a = np.dot(basis, least_squares(rank, U, S, Vt, t))
+        b = start - np.dot(basis, least_squares(rank, U, S, Vt, np.dot(J, start)))
+        if not finite(a) or not finite(b):
+            return False, best, tried
+        inside = True
         for j in range(n):
-            x[j] = min(max(answer[j], low[j]), high[j])
-        Z = np.dot(Z, np.ascontiguousarray(V_free[full:].T)) if full < Z.shape[1] else np.empty((n, 0))
-    return finite(x), tried
+            if not held[j] and outside(a[j] + b[j], low[j], high[j]) > 0.0:
+                inside = False
+        if inside:
+            best = 1.0
+            answer = a + b
+            break
+        least, most, above, below = scale_range(a, b, low, high, held)
+        if least <= most and most >= 0.0 and least <= 1.0 and min(most, 1.0) > best:
+            best = min(most, 1.0)
+            answer = b + best * a
+        critical = above if most < 1.0 else below
+        high_side = a[critical] + b[critical] > high[critical]
+        if critical < 0 or count == n:
+            break
+        if outside(a[critical] + b[critical], low[critical], high[critical]) == 0.0:
+            break  # only rounding is left
+        which[count] = critical
+        bound[count] = high[critical] if high_side else low[critical]
+        held[critical] = True
+        count += 1
+        tried += 1
+    for j in range(n):
+        x[j] = min(max(answer[j], low[j]), high[j])
+    return True, best, tried
 
 
 @kernel
