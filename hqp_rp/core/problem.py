@@ -135,7 +135,20 @@ class Problem:
     Source: equations (2), (9) of the paper; Escande, Mansard and Wieber 2014 for two-sided rows at any level.
     """
 
-    __slots__ = ("_levels", "_with_hard", "hard", "is_equality", "lower", "matrix", "n", "names", "offsets", "p", "stacked", "upper")
+    __slots__ = (
+        "_levels",
+        "_with_hard",
+        "hard",
+        "is_equality",
+        "lower",
+        "matrix",
+        "n",
+        "names",
+        "offsets",
+        "p",
+        "stacked",
+        "upper",
+    )
 
     stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray]
     matrix: FloatArray

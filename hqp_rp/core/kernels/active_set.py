@@ -733,9 +733,7 @@ def search(rows, room, scale, A, lower, upper, offsets, hard_rows, z, tol, limit
         if count == 0:
             rW, r, rank, turned = 0, 0, 0, 0
         elif held < entered or count - held < nB:  # not the set of the last factorization
-            rW, r, rank, turned = factor_determined(
-                rows, room, A, scale[k], r0, r1, held, count, c0, tol, depends, k
-            )
+            rW, r, rank, turned = factor_determined(rows, room, A, scale[k], r0, r1, held, count, c0, tol, depends, k)
         keep_turns(room, k, rW + r, turned, c0 + rW)
         turn_rows(rows, M, room.matrix, rW + r, room.lists[REF_ROW], room.lists[REF_COL], room.real[REF_TAU])
         if turned:

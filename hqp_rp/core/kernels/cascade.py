@@ -112,9 +112,7 @@ def null_space_in(room, A, b, offsets, z, tol, kind, first, second, x):
                 y[c0 + j] = t[j]
             c0 += r
             continue
-        rank, _ = svd_level(
-            W, n, r0, r1, c0, M, r, A, r0, r1, scale[k], tol, t, kind, first, second, y, turns[k]
-        )
+        rank, _ = svd_level(W, n, r0, r1, c0, M, r, A, r0, r1, scale[k], tol, t, kind, first, second, y, turns[k])
         turned[k] = r
         c0 += rank
     for k in range(p - 1, -1, -1):

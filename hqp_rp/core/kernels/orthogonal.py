@@ -391,7 +391,14 @@ def tall_least_squares(C, t):
             T[j, i] = C[i, j]
     right = np.zeros(T.shape[1])
     right[:m] = t[:m]
-    order = np.arange(r)
+    tall_transposed(T, r, right, np.empty(r, np.int64), t)
+
+
+@lean
+def tall_transposed(T, r, right, order, y):
+    """y[:r] <- the y of `tall_least_squares` for C^T = T[:r], padded; right (padded m,), order (r,) and T are overwritten."""
+    for j in range(r):
+        order[j] = j
     for j in range(r):
         best, longest = longest_row(T, j, r, j)
         if best != j:
@@ -405,14 +412,13 @@ def tall_least_squares(C, t):
         tau = householder(T, j, j, norm)
         reflect_rows(T, j + 1, r, T, j, j, tau)
         turn_vector(right, T, j, j, tau)
-    y = np.empty(r)
     for j in range(r - 1, -1, -1):
         s = right[j]
         for row in range(j + 1, r):
-            s -= T[row, j] * y[row]
-        y[j] = s / T[j, j] if T[j, j] != 0.0 else 0.0
+            s -= T[row, j] * right[row]
+        right[j] = s / T[j, j] if T[j, j] != 0.0 else 0.0
     for j in range(r):
-        t[order[j]] = y[j]
+        y[order[j]] = right[j]
 
 
 @kernel

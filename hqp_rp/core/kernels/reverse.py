@@ -28,31 +28,14 @@ from hqp_rp.core.kernels.orthogonal import (
     tall_least_squares,
     turn_back,
 )
-
-LARGEST_RATIO = 2.0**50
-"""Levels further apart in size than this weigh as this: the difference is below rounding error."""
+from hqp_rp.core.kernels.reverse_plain import DONE, UNPROVEN, plain_columns, plain_room, row_weights
 
 
 @kernel
 def level_weights(scale, offsets, k):
-    """One weight for each row of levels k ... p - 1: loaded row * weight is proportional to the row as it was given."""
-    p = len(offsets) - 1
-    weight = np.ones(offsets[p] - offsets[k])
-    last = 0.0
-    value = 1.0
-    for _ in range(k, p):
-        following = np.inf
-        for i in range(k, p):
-            if scale[i] > last:
-                following = min(following, scale[i])
-        if following == np.inf:
-            break
-        if last > 0.0:
-            value /= min(following / last, LARGEST_RATIO)
-        for i in range(k, p):
-            if scale[i] == following:
-                weight[offsets[i] - offsets[k] : offsets[i + 1] - offsets[k]] = value
-        last = following
+    """`row_weights` in an array of its own."""
+    weight = np.empty(offsets[len(offsets) - 1] - offsets[k])
+    row_weights(scale, offsets, k, weight)
     return weight
 
 
@@ -225,6 +208,10 @@ def reverse_priority(A, b, offsets, z, tol, kind, first, second, projector, x):
     """
     M, n = A.shape
     p = len(offsets) - 1
+    if kind == 0 and not projector:
+        code = plain_columns(np.empty(plain_room(M, n, p)), A, b, offsets, z, tol, x)
+        if code != UNPROVEN:
+            return code == DONE
     W0 = np.empty((M, n))
     rhs = np.empty(M)
     scale = np.empty(p)

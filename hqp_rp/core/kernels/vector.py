@@ -172,9 +172,7 @@ def make_reflector(_: Any, W: Any, i: Any, column: Any, beta: Any, inverse: Any)
         first = row.load(_integer(0))
         scaled = builder.select(_lanes(builder, ">", at), builder.fmul(first, factors), first)
         row.store(builder.select(_lanes(builder, "==", at), _spread(builder, head), scaled), _integer(0))
-        _further_chunks(
-            builder, row, lambda chunk: row.store(builder.fmul(row.load(chunk), factors), chunk)
-        )
+        _further_chunks(builder, row, lambda chunk: row.store(builder.fmul(row.load(chunk), factors), chunk))
         return context.get_dummy_value()
 
     return signature, codegen
