@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.control._assembly import LIMIT, MINK_TASK, TASK, Assembly
 from hqp_rp.control._checks import check_frames, positive_number
-from hqp_rp.control._rows import LIMIT, MINK_TASK, TASK, stack_rows
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
 from hqp_rp.core.errors import RobotError, SettingError
@@ -56,10 +56,10 @@ class Stack:
         "_items",
         "_levels",
         "_limits",
+        "_met",
         "_names",
         "_needs_dt",
         "_offsets",
-        "_robot",
         "_two_sided",
     )
 
@@ -84,7 +84,7 @@ class Stack:
         self._names = _level_names(names, adapted)
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
-        self._robot: Robot | None = None
+        self._met: tuple[Assembly, Assembly | None] | None = None
         self._counts: list[int] = []
         self._offsets: IntArray = np.zeros(1, dtype=np.int64)
 
@@ -118,8 +118,10 @@ class Stack:
             RobotError: a frame or joint that the robot does not have.
             ProblemError: rows that do not fit together or are not finite; it names the level and the item.
         """
-        if robot is not self._robot:
-            self._meet(robot)
+        met = self._met
+        if met is None or met[0].robot is not robot:
+            met = self._met = self._meet(robot)
+        assembly, hard_assembly = met
         if dt is not None:
             dt = positive_number(dt, "dt")
         elif self._needs_dt:
@@ -129,21 +131,21 @@ class Stack:
         if self._configurations is not None:
             self._configurations.expire()
 
-        (matrix, lower, upper), counts = stack_rows(self._items, robot, dt, v, self._two_sided, self._where)
-        if counts != self._counts:
-            ends = np.cumsum([0, *counts])
+        matrix, lower, upper = assembly.rows(dt, v)
+        if assembly.counts is not self._counts:
+            ends = np.cumsum([0, *assembly.counts])
             self._offsets = np.array([0, *ends[self._ends]], dtype=np.int64)
-            self._counts = counts
+            self._counts = assembly.counts
         hard = None
-        if self._hard:
-            rows, _ = stack_rows(self._hard, robot, dt, v, True, self._where)
+        if hard_assembly is not None:
+            rows = hard_assembly.rows(dt, v)
             for array in rows:
                 array.flags.writeable = False
             hard = Level._view(*rows, "limits")
         return Problem.from_stacked(matrix, lower, upper, self._offsets, names=self._names, hard=hard, check=False)
 
-    def _meet(self, robot: Robot) -> None:
-        """Check that the robot has what the items name."""
+    def _meet(self, robot: Robot) -> tuple[Assembly, Assembly | None]:
+        """What makes the rows on this robot, once it is seen to have what the items name."""
         if not isinstance(robot, Robot):
             raise RobotError(
                 f"robot is a {type(robot).__name__}; give a robot with the methods of hqp_rp.robot.Robot, such as a "
@@ -151,7 +153,8 @@ class Stack:
             )
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
-        self._robot = robot
+        hard = Assembly(self._hard, robot, True, self._where) if self._hard else None
+        return Assembly(self._items, robot, self._two_sided, self._where), hard
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0

@@ -1,7 +1,8 @@
-"""Names of frames, and the checks of configurations, shared by the robot adapters."""
+"""Names of frames, their poses and Jacobians in arrays, and the checks of configurations: what the robot adapters share."""
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Iterable, Mapping
 
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.robot import Robot
 
 
 class FrameTable:
@@ -52,6 +54,54 @@ class FrameTable:
             choices = " or ".join(repr(choice) for choice in self._ambiguous[name])
             return RobotError(f"The frame name {name!r} of {robot} is ambiguous: write {choices}.")
         return RobotError(str(unknown_name(f"frame of {robot}", name, self.index)))
+
+
+class Point(enum.Enum):
+    """A point that is asked for like a frame; its axes are the world's."""
+
+    CENTER_OF_MASS = "centre of mass"
+
+
+class Frames:
+    """Poses and Jacobians of some frames of a robot, in arrays that `read` brings up to date.
+
+    Args:
+        robot: any `Robot`. names: of the frames, or `Point.CENTER_OF_MASS`.
+
+    Attributes:
+        names: (F,) as given. rotations: (F, 3, 3) to the world. origins: (F, 3) m.
+        jacobians: (F, 6, nv), linear over angular velocity, both in world axes, as `Robot.jacobian`; of the centre of
+            mass the angular half is 0.
+    """
+
+    def __init__(self, robot: Robot, names: tuple[str | Point, ...]) -> None:
+        self._robot, self.names = robot, names
+        self.rotations = np.tile(np.eye(3), (len(names), 1, 1))
+        self.origins = np.zeros((len(names), 3))
+        self.jacobians = np.zeros((len(names), 6, robot.nv))
+
+    def read(self) -> None:
+        """Fill the arrays for the robot's current configuration. Raises `RobotError` for arrays of a wrong shape."""
+        robot = self._robot
+        for f, name in enumerate(self.names):
+            if isinstance(name, Point):
+                self.origins[f] = robot.center_of_mass()
+                self.jacobians[f, :3] = robot.center_of_mass_jacobian()
+                continue
+            rotation, origin = robot.pose(name)
+            jacobian = robot.jacobian(name)
+            if jacobian.shape != self.jacobians[f].shape or rotation.shape != (3, 3) or origin.shape != (3,):
+                raise RobotError(
+                    f"{robot!r} gives for the frame {name!r} a rotation {rotation.shape}, an origin {origin.shape} and a "
+                    f"Jacobian {jacobian.shape}; they must be (3, 3), (3,) and {self.jacobians[f].shape}."
+                )
+            self.rotations[f], self.origins[f], self.jacobians[f] = rotation, origin, jacobian
+
+
+def frames_of(robot: Robot, names: tuple[str | Point, ...]) -> Frames:
+    """The frames in the way that suits the robot: its own `frames(names)` where it has one."""
+    own = getattr(robot, "frames", None)
+    return Frames(robot, names) if own is None else own(names)
 
 
 def checked_vector(value: ArrayLike, size: int, what: str) -> FloatArray:

@@ -1,0 +1,274 @@
+"""Rows of a stack's tasks from the poses and Jacobians of frames: every task of a stack in one call.
+
+A task is a row of `items` and a run of `numbers`. `items` (K, 8) holds for each task
+
+    kind, m, its first row, start of its numbers, its frame, the frame of its axes (-1: the world), start of its indices, 0
+
+and `numbers`, from that start on, gain (m), weight (m), then what the kind needs (see each function). Frames are numbered as
+in `rotations` (F, 3, 3), `origins` (F, 3) and `jacobians` (F, 6, n); Jacobians hold the velocity of the frame's origin over
+the angular velocity, in world axes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hqp_rp.core.kernels.compile import inlined, kernel
+from hqp_rp.core.row_kinds import FRAME, POSTURE, RELATIVE, TWIST
+
+
+@kernel
+def rotation_vector(R, r):
+    """r (3,) <- log R, with 0 <= |r| <= pi, through the largest of the four forms of the quaternion (Shepperd 1978)."""
+    a, b, c = R[0, 0], R[0, 1], R[0, 2]
+    d, e, f = R[1, 0], R[1, 1], R[1, 2]
+    g, h, i = R[2, 0], R[2, 1], R[2, 2]
+    trace = a + e + i
+    largest = max(max(trace, a), max(e, i))
+    # Four times the product of one quaternion component with all of them; the common factor drops out below.
+    if largest == trace:
+        w, x, y, z = 1.0 + trace, h - f, c - g, d - b
+    elif largest == a:
+        w, x, y, z = h - f, 1.0 + a - e - i, b + d, c + g
+    elif largest == e:
+        w, x, y, z = c - g, b + d, 1.0 - a + e - i, f + h
+    else:
+        w, x, y, z = d - b, c + g, f + h, 1.0 - a - e + i
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = math.hypot(math.hypot(x, y), z)
+    # atan2(s, w) / s tends to 1 / w: below 1e-9 the next term of the series, (s / w)^2 / 3, is lost in rounding.
+    factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-9 * w else 2.0 / w
+    r[0], r[1], r[2] = factor * x, factor * y, factor * z
+
+
+@inlined
+def turned(R, v, out):
+    """out (3,) <- R^T v."""
+    for i in range(3):
+        out[i] = R[0, i] * v[0] + R[1, i] * v[1] + R[2, i] * v[2]
+
+
+@kernel
+def rotation_error(R_target, R, product, r):
+    """r (3,) <- log(R_target R^T); product (3, 3) is room."""
+    for i in range(3):
+        for j in range(3):
+            product[i, j] = R_target[i, 0] * R[j, 0] + R_target[i, 1] * R[j, 1] + R_target[i, 2] * R[j, 2]
+    rotation_vector(product, r)
+
+
+@kernel
+def frame_task(header, index, numbers, rotations, origins, jacobians, plain, matrix, rate, room, product):
+    """Position over orientation along chosen axes: numbers gain, weight, world feed-forward (6), R* (9), p* (3); index: axes.
+
+    `[R_f^T J_p - [e_p]x R_f^T J_omega,f; R_f^T J_omega]` and `e = [R_f^T (p* - p); R_f^T log(R* R^T)]`.
+    """
+    m, row, at, f, axes, start = header[1], header[2], header[3], header[4], header[5], header[6]
+    n = matrix.shape[1]
+    J = jacobians[f]
+    forward = numbers[at + 2 * m : at + 2 * m + 6]
+    target = numbers[at + 2 * m + 6 : at + 2 * m + 15].reshape((3, 3))
+    place = numbers[at + 2 * m + 15 : at + 2 * m + 18]
+    e, feed, world = room[0], room[1], room[2]
+    linear, angular = False, False
+    for i in range(m):
+        if index[start + i] < 3:
+            linear = True
+        else:
+            angular = True
+    if linear:
+        for k in range(3):
+            e[k] = place[k] - origins[f, k]
+    if angular:
+        rotation_error(target, rotations[f], product, e[3:])
+    for k in range(6):
+        feed[k] = forward[k]
+    if axes >= 0:
+        for half in range(0, 6, 3):
+            for k in range(3):
+                world[k] = e[half + k]
+                world[3 + k] = feed[half + k]
+            turned(rotations[axes], world, e[half:])
+            turned(rotations[axes], world[3:], feed[half:])
+    for i in range(m):
+        axis = index[start + i]
+        w = 1.0 if plain else numbers[at + m + i]
+        rate[row + i] = e[axis] if plain else w * (feed[axis] + numbers[at + i] * e[axis])
+        if axes < 0:
+            for j in range(n):
+                matrix[row + i, j] = w * J[axis, j]
+            continue
+        R = rotations[axes]
+        half = 3 if axis >= 3 else 0
+        c = axis - half
+        for j in range(n):
+            matrix[row + i, j] = R[0, c] * J[half, j] + R[1, c] * J[half + 1, j] + R[2, c] * J[half + 2, j]
+        if half == 0:
+            # ([e]x R^T omega)_c = e_a (R^T omega)_b - e_b (R^T omega)_a with (c, a, b) in cyclic order
+            turning = jacobians[axes]
+            a, b = (c + 1) % 3, (c + 2) % 3
+            x = e[a] * R[0, b] - e[b] * R[0, a]
+            y = e[a] * R[1, b] - e[b] * R[1, a]
+            z = e[a] * R[2, b] - e[b] * R[2, a]
+            for j in range(n):
+                matrix[row + i, j] -= x * turning[3, j] + y * turning[4, j] + z * turning[5, j]
+        if w != 1.0:
+            for j in range(n):
+                matrix[row + i, j] *= w
+
+
+@kernel
+def twist_task(header, index, numbers, rotations, jacobians, plain, matrix, rate):
+    """A commanded velocity: numbers gain (not used), weight, velocity (m); index: axes. Rows `(R_f^T J)[axes]`."""
+    m, row, at, f, axes, start = header[1], header[2], header[3], header[4], header[5], header[6]
+    n = matrix.shape[1]
+    J = jacobians[f]
+    for i in range(m):
+        axis = index[start + i]
+        w = 1.0 if plain else numbers[at + m + i]
+        rate[row + i] = w * numbers[at + 2 * m + i]
+        if axes < 0:
+            for j in range(n):
+                matrix[row + i, j] = w * J[axis, j]
+            continue
+        R = rotations[axes]
+        half = 3 if axis >= 3 else 0
+        c = axis - half
+        for j in range(n):
+            matrix[row + i, j] = w * (R[0, c] * J[half, j] + R[1, c] * J[half + 1, j] + R[2, c] * J[half + 2, j])
+
+
+@kernel
+def posture_task(header, index, numbers, q, plain, matrix, rate):
+    """Chosen joints: numbers gain, weight, feed-forward, target (m each); index: velocities (m), then coordinates in q (m)."""
+    m, row, at, start = header[1], header[2], header[3], header[6]
+    for i in range(m):
+        w = 1.0 if plain else numbers[at + m + i]
+        error = numbers[at + 3 * m + i] - q[index[start + m + i]]
+        rate[row + i] = error if plain else w * (numbers[at + 2 * m + i] + numbers[at + i] * error)
+        for j in range(matrix.shape[1]):
+            matrix[row + i, j] = 0.0
+        matrix[row + i, index[start + i]] = w
+
+
+@kernel
+def relative_task(header, index, numbers, rotations, origins, jacobians, plain, matrix, rate, room, product):
+    """Pose of frame b (`header`'s frame) seen from a (the frame of the axes): numbers as of `frame_task`, all in a's axes.
+
+    `e = [p* - R_a^T (p_b - p_a); log(R* (R_a^T R_b)^T)]`,
+    `J = [R_a^T (J_p,b - J_p,a + [p_b - p_a]x J_omega,a); R_a^T (J_omega,b - J_omega,a)]`.
+    """
+    m, row, at, b, a, start = header[1], header[2], header[3], header[4], header[5], header[6]
+    n = matrix.shape[1]
+    target = numbers[at + 2 * m + 6 : at + 2 * m + 15].reshape((3, 3))
+    R_a, R_b, J_a, J_b = rotations[a], rotations[b], jacobians[a], jacobians[b]
+    e, between, local = room[0], room[1], room[2]
+    for k in range(3):
+        between[k] = origins[b, k] - origins[a, k]
+    turned(R_a, between, local)
+    for k in range(3):
+        e[k] = numbers[at + 2 * m + 15 + k] - local[k]
+    # R* R^T with R^T = R_b^T R_a
+    seen = product[:3]
+    for i in range(3):
+        for j in range(3):
+            seen[i, j] = R_a[0, i] * R_b[0, j] + R_a[1, i] * R_b[1, j] + R_a[2, i] * R_b[2, j]
+    rotation_error(target, seen, product[3:], e[3:])
+    for i in range(m):
+        axis = index[start + i]
+        w = 1.0 if plain else numbers[at + m + i]
+        error = e[axis]
+        rate[row + i] = error if plain else w * (numbers[at + 2 * m + axis] + numbers[at + i] * error)
+        half = 3 if axis >= 3 else 0
+        x, y, z = R_a[0, axis - half], R_a[1, axis - half], R_a[2, axis - half]
+        for j in range(n):
+            matrix[row + i, j] = (
+                x * (J_b[half, j] - J_a[half, j])
+                + y * (J_b[half + 1, j] - J_a[half + 1, j])
+                + z * (J_b[half + 2, j] - J_a[half + 2, j])
+            )
+        if half == 0:
+            # r . ([d]x omega) = (r x d) . omega
+            u = y * between[2] - z * between[1]
+            v = z * between[0] - x * between[2]
+            s = x * between[1] - y * between[0]
+            for j in range(n):
+                matrix[row + i, j] += u * J_a[3, j] + v * J_a[4, j] + s * J_a[5, j]
+        if w != 1.0:
+            for j in range(n):
+                matrix[row + i, j] *= w
+
+
+@kernel
+def pointing_task(header, numbers, rotations, jacobians, plain, matrix, rate, room, product):
+    """An axis onto a direction: numbers gain, weight (2), feed-forward (3), basis (9), direction d (3); two rows.
+
+    With B = R basis = (b1, b2, a): `e = theta (-d . b2, d . b1) / |a x d|`, `J = (b1, b2)^T J_omega`.
+    """
+    row, at, f = header[2], header[3], header[4]
+    R, J = rotations[f], jacobians[f]
+    basis = numbers[at + 7 : at + 16].reshape((3, 3))
+    B = product[:3]
+    for i in range(3):
+        for j in range(3):
+            B[i, j] = R[i, 0] * basis[0, j] + R[i, 1] * basis[1, j] + R[i, 2] * basis[2, j]
+    d = room[0]
+    turned(B, numbers[at + 16 : at + 19], d)
+    sine = math.hypot(d[0], d[1])
+    if sine > 0.0:
+        factor = math.atan2(sine, d[2]) / sine
+        first, second = -factor * d[1], factor * d[0]
+    else:
+        first, second = (0.0 if d[2] > 0.0 else math.pi), 0.0
+    forward = room[1]
+    turned(B, numbers[at + 4 : at + 7], forward)
+    for i in range(2):
+        w = 1.0 if plain else numbers[at + 2 + i]
+        error = first if i == 0 else second
+        rate[row + i] = error if plain else w * (forward[i] + numbers[at + i] * error)
+        for j in range(matrix.shape[1]):
+            matrix[row + i, j] = w * (B[0, i] * J[3, j] + B[1, i] * J[4, j] + B[2, i] * J[5, j])
+
+
+@kernel
+def task_rows(items, index, numbers, rotations, origins, jacobians, q, plain, matrix, lower, upper):
+    """Fill the rows of all tasks in matrix (M, n) and lower (M,), and judge all rows: True where a solver can take them.
+
+    Rows of other items stand in the arrays already. `upper` is `lower` itself where every row is an equality; otherwise it
+    gets the tasks' rates as well. `plain`: rows without weights, and errors in the place of rates. Rows can be taken
+    when every entry of the matrix is finite and bounds are ordered, and no row is without any answer.
+    """
+    room = np.empty((3, 6))
+    product = np.empty((6, 3))
+    one_sided = upper.shape[0] == 0
+    for k in range(items.shape[0]):
+        header = items[k]
+        kind = header[0]
+        if kind == FRAME:
+            frame_task(header, index, numbers, rotations, origins, jacobians, plain, matrix, lower, room, product)
+        elif kind == TWIST:
+            twist_task(header, index, numbers, rotations, jacobians, plain, matrix, lower)
+        elif kind == POSTURE:
+            posture_task(header, index, numbers, q, plain, matrix, lower)
+        elif kind == RELATIVE:
+            relative_task(header, index, numbers, rotations, origins, jacobians, plain, matrix, lower, room, product)
+        else:
+            pointing_task(header, numbers, rotations, jacobians, plain, matrix, lower, room, product)
+        if not one_sided:
+            for i in range(header[2], header[2] + header[1]):
+                upper[i] = lower[i]
+    # Zero times anything finite is zero; times nan or infinity it is nan, which no sum loses.
+    total = 0.0
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            total += 0.0 * matrix[i, j]
+    sound = True
+    for i in range(matrix.shape[0]):
+        if one_sided:
+            total += 0.0 * lower[i]
+        else:
+            sound = sound and lower[i] <= upper[i] and lower[i] < np.inf and upper[i] > -np.inf
+    return sound and total == 0.0
