@@ -18,6 +18,7 @@ from hqp_rp.control._compiled import CompiledTask, Layout
 from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.row_kinds import HEADER, POSTURE
+from hqp_rp.core.threads import in_shares
 from hqp_rp.robot.frames import Point, frames_of
 from hqp_rp.robot.robot import Robot
 
@@ -56,6 +57,7 @@ class Assembly:
         "_packs",
         "_rows_of",
         "_table",
+        "_tasks",
         "_total",
         "_two_sided",
         "_values",
@@ -82,8 +84,9 @@ class Assembly:
         names = dict.fromkeys(name for layout in layouts for name in (layout.frame, layout.axes) if name is not None)
         self._frames = frames_of(robot, tuple(names))
         number: dict[str | Point | None, int] = {None: -1} | {name: i for i, name in enumerate(names)}
+        self._tasks = tuple(tasks)
         self._table = np.zeros((len(tasks), HEADER), dtype=np.int64)
-        self._packs: list[tuple[CompiledTask, Layout, slice]] = []
+        self._packs: list[tuple[Layout, slice]] = []
         self._held: list[FloatArray | None] = [None] * len(tasks)
         # Coordinates, where a task needs them; then, for targets that only the robot can subtract, minus the differences.
         self._differences: list[tuple[CompiledTask, slice]] = []
@@ -100,7 +103,7 @@ class Assembly:
                 number[layout.axes],
                 len(index),
             )
-            self._packs.append((task, layout, slice(end, end + size)))
+            self._packs.append((layout, slice(end, end + size)))
             end += size
             index += layout.index
             if layout.difference:
@@ -143,15 +146,10 @@ class Assembly:
                 matrix[rows], lower[rows] = A, low
                 if self._two_sided:
                     upper[rows] = high
-        held, i = self._held, 0
-        for task, layout, span in self._packs:
-            packed = task._packed
-            if packed is None or packed is not held[i]:
-                if packed is None:
-                    packed = task._packed = task._numbers(self.robot, layout)
-                self._numbers[span] = packed
-                held[i] = packed
-            i += 1
+        held = self._held
+        for i, task in enumerate(self._tasks):
+            if task._packed is not held[i] or held[i] is None:
+                self._pack(i, task)
         frames = self._frames
         frames.read()
         if self._values.size:
@@ -175,6 +173,38 @@ class Assembly:
             self._refuse(matrix, lower, upper)
         return matrix, lower, upper
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether `many` serves: every row is a compiled task's, and no coordinate needs the robot to subtract it."""
+        return not (self._others or self._differences or self._two_sided)
+
+    def many(self, q: FloatArray, threads: int | None) -> tuple[FloatArray, FloatArray]:
+        """Matrices (N, M, nv) and bounds (N, M) of equalities at q (N, nq), in one compiled call; errors as `rows`."""
+        from hqp_rp.core.kernels.task_rows import many_task_rows
+
+        for i, task in enumerate(self._tasks):
+            self._pack(i, task)
+        rotations, origins, jacobians = self._frames.many(q, threads)
+        matrices, lowers = np.empty((len(q), self._total, self._n)), np.empty((len(q), self._total))
+        fixed = (self._table, self._index, self._numbers)
+
+        def work(span: slice) -> None:
+            moving = (rotations[span], origins[span], jacobians[span], q[span], matrices[span], lowers[span])
+            bad = many_task_rows(*fixed, *moving, _NONE)
+            if bad >= 0:
+                self._refuse(matrices[span][bad], lowers[span][bad], lowers[span][bad])
+
+        in_shares(work, len(q), threads)
+        return matrices, lowers
+
+    def _pack(self, i: int, task: CompiledTask) -> None:
+        """Put a task's numbers in their place: it is new here, or one of its setters was called."""
+        layout, span = self._packs[i]
+        packed = task._packed
+        if packed is None:
+            packed = task._packed = task._numbers(self.robot, layout)
+        self._numbers[span] = self._held[i] = packed
+
     def _read_values(self) -> None:
         q = self.robot.q
         self._values[: len(q)] = q
@@ -182,7 +212,7 @@ class Assembly:
             self._values[span] = -self.robot.difference(q, task.target)  # type: ignore[attr-defined]
 
     def _given(self, dt: float | None, v: FloatArray | None) -> list[tuple[int, Any, Any, Any]]:
-        """Number, matrix, lower and upper of every item that is not compiled; items get their rows anew where counts changed."""
+        """(number, matrix, lower, upper) of every item that is not compiled; where a count changed, rows are dealt anew."""
         robot, n = self.robot, self._n
         found = []
         counts = self.counts

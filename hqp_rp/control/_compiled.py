@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import abc
-from typing import TYPE_CHECKING, NamedTuple
+import dataclasses
+from typing import TYPE_CHECKING
 
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.frames import Point
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
     from hqp_rp.control._assembly import Assembly
 
 
-class Layout(NamedTuple):
+@dataclasses.dataclass(frozen=True, slots=True)
+class Layout:
     """What of a task's rows does not change from step to step.
 
     Attributes:

@@ -13,6 +13,8 @@ from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
+_FLOAT64 = np.dtype(np.float64)
+
 
 class FrameTable:
     """Name -> index of every frame that has a name.
@@ -97,6 +99,26 @@ class Frames:
                 )
             self.rotations[f], self.origins[f], self.jacobians[f] = rotation, origin, jacobian
 
+    def many(self, q: FloatArray, threads: int | None = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same at q (N, nq): rotations (N, F, 3, 3), origins (N, F, 3) and jacobians (N, F, 6, nv).
+
+        One configuration after the other, and the robot is put back; robots with a faster way override it, and use
+        `threads` threads. Errors as `Robot.update`.
+        """
+        robot = self._robot
+        shapes = (self.rotations.shape, self.origins.shape, self.jacobians.shape)
+        found = tuple(np.empty((len(q), *shape)) for shape in shapes)
+        before = robot.q
+        try:
+            for i, configuration in enumerate(q):
+                robot.update(configuration)
+                self.read()
+                for out, own in zip(found, (self.rotations, self.origins, self.jacobians), strict=True):
+                    out[i] = own
+        finally:
+            robot.update(before)
+        return found[0], found[1], found[2]
+
 
 def frames_of(robot: Robot, names: tuple[str | Point, ...]) -> Frames:
     """The frames in the way that suits the robot: its own `frames(names)` where it has one."""
@@ -106,7 +128,7 @@ def frames_of(robot: Robot, names: tuple[str | Point, ...]) -> Frames:
 
 def checked_vector(value: ArrayLike, size: int, what: str) -> FloatArray:
     """`value` as (size,) float64, not copied where it is one. Raises `RobotError` on a wrong size or a NaN."""
-    vector = np.asarray(value, dtype=np.float64)
+    vector = value if type(value) is np.ndarray and value.dtype is _FLOAT64 else np.asarray(value, dtype=np.float64)
     if vector.shape != (size,):
         raise RobotError(f"{what} has shape {vector.shape}; it must be ({size},).")
     # The sum is quicker than a mask; only where it is not finite are the entries looked at one by one.
@@ -152,5 +174,5 @@ def require_joints(nv: int, robot: str) -> None:
 
 def frozen(array: FloatArray) -> FloatArray:
     """The array itself, made read-only."""
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array

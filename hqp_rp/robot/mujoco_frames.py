@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import mujoco
+import numpy as np
 
+from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.frames import Frames, Point
 
 if TYPE_CHECKING:
@@ -17,6 +19,7 @@ class MujocoFrames(Frames):
 
     def __init__(self, robot: MujocoRobot, names: tuple[str | Point, ...]) -> None:
         super().__init__(robot, names)
+        self._arm_of = robot._unchanged_arm
         self._state = model, data = robot._model, robot._data
         self._poses = []
         self._bodies_and_sites = []
@@ -44,3 +47,11 @@ class MujocoFrames(Frames):
         for origin, jacobian in self._points:
             origin[:] = self._robot.center_of_mass()
             jacobian[:] = self._robot.center_of_mass_jacobian()
+
+    def many(self, q: FloatArray, threads: int | None = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `Frames.many`; of a robot made from an arm, by the arm's compiled kinematics."""
+        arm = self._arm_of()
+        if arm is None or not self.names or not set(self.names) <= set(arm.frame_names):
+            return super().many(q, threads)
+        found = [arm.kinematics(q, str(name), threads=threads) for name in self.names]
+        return tuple(np.stack([of_one[k] for of_one in found], axis=1) for k in range(3))  # type: ignore[return-value]

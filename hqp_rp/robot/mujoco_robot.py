@@ -88,13 +88,16 @@ class MujocoRobot(ModelRobot):
         neutral = model.qpos0 if neutral is None else neutral
         self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
         self._simulation: mujoco.MjData | None = None
+        self._arm: tuple[DHArm, FloatArray] | None = None
         self.update(self._neutral)
 
     @classmethod
     def from_arm(cls, arm: DHArm, *, timestep: float = 0.001, gravity_compensation: bool = True) -> MujocoRobot:
         """The robot of `arm_spec(arm, ...)`: see there for what the model is. Errors as `arm_spec`."""
         model = arm_spec(arm, timestep=timestep, gravity_compensation=gravity_compensation).compile()
-        return cls(model, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
+        robot = cls(model, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
+        robot._arm = arm, _geometry(model)
+        return robot
 
     @classmethod
     def from_file(
@@ -161,8 +164,8 @@ class MujocoRobot(ModelRobot):
 
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
-        self._q = frozen(self._checked(q, "q").copy())
-        self._qpos[:] = self._q
+        self._q = own = frozen(self._checked(q, "q").copy())
+        self._qpos[:] = own
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
 
@@ -241,8 +244,14 @@ class MujocoRobot(ModelRobot):
         mujoco.mj_differentiatePos(self._model, velocity, 1.0, self._checked(q0, "q0"), self._checked(q1, "q1"))
         return velocity
 
+    def _unchanged_arm(self) -> DHArm | None:
+        """The arm that the robot was made from, while its model still has that arm's geometry; None otherwise."""
+        if self._arm is None or not np.array_equal(_geometry(self._model), self._arm[1]):
+            return None
+        return self._arm[0]
+
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q)
+        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q, self._unchanged_arm())
 
     def __repr__(self) -> str:
         return f"MujocoRobot({_model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
@@ -261,10 +270,19 @@ class MujocoRobot(ModelRobot):
         return self._moving_mass
 
 
-def _rebuild(model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray) -> MujocoRobot:
+def _rebuild(
+    model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray, arm: DHArm | None
+) -> MujocoRobot:
     robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral)
+    robot._arm = None if arm is None else (arm, _geometry(model))
     robot.update(q)
     return robot
+
+
+def _geometry(model: mujoco.MjModel) -> FloatArray:
+    """Every number of the model that poses and Jacobians depend on."""
+    parts = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat", "qpos0")
+    return np.concatenate([getattr(model, part).ravel() for part in parts])
 
 
 def _model_name(model: mujoco.MjModel) -> str:

@@ -142,12 +142,15 @@ def twist_task(header, index, numbers, rotations, jacobians, plain, matrix, rate
 
 
 @kernel
-def posture_task(header, index, numbers, q, plain, matrix, rate):
-    """Chosen joints: numbers gain, weight, feed-forward, target (m each); index: velocities (m), then coordinates in q (m)."""
+def posture_task(header, index, numbers, values, plain, matrix, rate):
+    """Chosen joints: numbers gain, weight, feed-forward, target (m each).
+
+    index: velocities (m), then where in `values` their coordinates are (m).
+    """
     m, row, at, start = header[1], header[2], header[3], header[6]
     for i in range(m):
         w = 1.0 if plain else numbers[at + m + i]
-        error = numbers[at + 3 * m + i] - q[index[start + m + i]]
+        error = numbers[at + 3 * m + i] - values[index[start + m + i]]
         rate[row + i] = error if plain else w * (numbers[at + 2 * m + i] + numbers[at + i] * error)
         for j in range(matrix.shape[1]):
             matrix[row + i, j] = 0.0
@@ -234,12 +237,13 @@ def pointing_task(header, numbers, rotations, jacobians, plain, matrix, rate, ro
 
 
 @kernel
-def task_rows(items, index, numbers, rotations, origins, jacobians, q, plain, matrix, lower, upper):
-    """Fill the rows of all tasks in matrix (M, n) and lower (M,), and judge all rows: True where a solver can take them.
+def task_rows(items, index, numbers, rotations, origins, jacobians, values, plain, matrix, lower, upper):
+    """Fill the rows of all tasks in matrix (M, n) and lower (M,); then judge all rows: True where a solver can take them.
 
-    Rows of other items stand in the arrays already. `upper` is `lower` itself where every row is an equality; otherwise it
-    gets the tasks' rates as well. `plain`: rows without weights, and errors in the place of rates. Rows can be taken
-    when every entry of the matrix is finite and bounds are ordered, and no row is without any answer.
+    Rows of other items stand in the arrays already. `upper` is empty where every row is an equality; otherwise it gets the
+    tasks' rates as well. `values`: coordinates that the targets of posture tasks are compared with. `plain`: rows without
+    weights, and errors in the place of rates. Rows can be taken when every entry of the matrix is finite, bounds are
+    ordered, and no row is without any answer.
     """
     room = np.empty((3, 6))
     product = np.empty((6, 3))
@@ -252,7 +256,7 @@ def task_rows(items, index, numbers, rotations, origins, jacobians, q, plain, ma
         elif kind == TWIST:
             twist_task(header, index, numbers, rotations, jacobians, plain, matrix, lower)
         elif kind == POSTURE:
-            posture_task(header, index, numbers, q, plain, matrix, lower)
+            posture_task(header, index, numbers, values, plain, matrix, lower)
         elif kind == RELATIVE:
             relative_task(header, index, numbers, rotations, origins, jacobians, plain, matrix, lower, room, product)
         else:
@@ -272,3 +276,27 @@ def task_rows(items, index, numbers, rotations, origins, jacobians, q, plain, ma
         else:
             sound = sound and lower[i] <= upper[i] and lower[i] < np.inf and upper[i] > -np.inf
     return sound and total == 0.0
+
+
+@kernel
+def many_task_rows(items, index, numbers, rotations, origins, jacobians, values, matrices, lowers, none):
+    """`task_rows` of equalities at N configurations: every array but `items`, `index` and `numbers` has N entries.
+
+    The number of the first configuration whose rows no solver can take, -1 where there is none.
+    """
+    for i in range(len(matrices)):
+        if not task_rows(
+            items,
+            index,
+            numbers,
+            rotations[i],
+            origins[i],
+            jacobians[i],
+            values[i],
+            False,
+            matrices[i],
+            lowers[i],
+            none,
+        ):
+            return i
+    return -1
