@@ -18,7 +18,7 @@ from hqp_rp.compare.bench_steps import COSTS, DT, GAIN, StepFamily, Stepper, ste
 from hqp_rp.compare.bench_timing import LocalRunner, Ratio, Runner, Timing, interleaved, ratio
 from hqp_rp.compare.machine import usable_cores
 
-STEP_FAMILIES = ("step_sawyer", "step_humanoid")
+STEP_FAMILIES = ("step_sawyer", "step_sawyer_limits", "step_humanoid")
 """Names of the whole control steps, for `--family`."""
 
 HEADLINE = ("null space", "reverse priority", "active set, cold", "active set, warm", "DAQP hierarchy", "QP ProxQP")
@@ -81,7 +81,7 @@ class Measured:
         results: one for each family, in order. missing: a sentence for each peer that takes no part.
         versions: of peers in environments of their own.
         growth: what it is over ("unknowns", "levels") -> curves; empty in a quick run.
-        batch: (solver, threads, problems per second). start: see `start_up`.
+        batch: (what, threads, per second). start: see `start_up`.
         instructions: label -> per call; no_instructions: why there are none, or "".
     """
 
@@ -114,7 +114,7 @@ def measure(asked: Asked, progress: bool = False) -> Measured:
         for over in ("unknowns", "levels"):
             say("growth", over)
             curves[over] = growth(over, asked.peers, calls=asked.calls // 10, budget=asked.budget / 4)
-    say("solve_batch", "")
+    say("many at once", "")
     batch = batch_rates(usable_cores(), count=2000 if asked.quick else 20_000)
     say("start", "")
     start = start_up(2 if asked.quick else 5)
