@@ -269,8 +269,12 @@ class Assembly:
                 raise ProblemError(f"{self._where(item)}: {told.format(i, low[i], high[i])}")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The arrays of the frames belong to the robot's own state: they are looked up anew.
-        return Assembly, (self._items, self.robot, self._two_sided, self._where)
+        # Its arrays are views of one robot's own state: whoever is copied makes a new one when it needs one.
+        return _none, ()
+
+
+def _none() -> None:
+    return None
 
 
 def _compiled(item: Any) -> CompiledTask | None:

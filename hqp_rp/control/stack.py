@@ -84,7 +84,7 @@ class Stack:
         self._names = _level_names(names, adapted)
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
-        self._met: tuple[Assembly, Assembly | None] | None = None
+        self._met: tuple[Assembly | None, Assembly | None] = (None, None)
         self._counts: list[int] = []
         self._offsets: IntArray = np.zeros(1, dtype=np.int64)
 
@@ -200,10 +200,10 @@ class Stack:
         return A, lower, None if all(problem.is_equality for problem in problems) else upper, offsets
 
     def _assemblies(self, robot: Robot) -> tuple[Assembly, Assembly | None]:
-        met = self._met
-        if met is None or met[0].robot is not robot:
-            met = self._met = self._meet(robot)
-        return met
+        assembly, hard = self._met
+        if assembly is None or assembly.robot is not robot:
+            assembly, hard = self._met = self._meet(robot)
+        return assembly, hard
 
     def _offsets_of(self, assembly: Assembly) -> IntArray:
         if assembly.counts is not self._counts:
