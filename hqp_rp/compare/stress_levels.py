@@ -133,9 +133,9 @@ def _stacked(problems: Sequence[Problem]) -> tuple[FloatArray, FloatArray]:
 
 def _spectral_norm(A: FloatArray) -> FloatArray:
     """(C,) ||A||_2 of A (C, m, n)."""
-    return np.asarray(np.linalg.svd(A, compute_uv=False)[:, 0]) if A.shape[1] else np.zeros(len(A))
+    return np.asarray(np.linalg.svd(A, compute_uv=False)[:, 0], dtype=np.float64) if A.shape[1] else np.zeros(len(A))
 
 
 def _times(A: FloatArray, x: FloatArray) -> FloatArray:
     """(C, m) A x, problem by problem."""
-    return np.asarray((A @ x[:, :, None])[:, :, 0])
+    return np.asarray((A @ x[:, :, None])[:, :, 0], dtype=np.float64)

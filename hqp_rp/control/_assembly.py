@@ -1,7 +1,7 @@
 """The rows of many tasks and limits in one matrix, checked: the inner part of `Stack.problem`.
 
-The library's own tasks state what they want as numbers, and one compiled call makes the rows of all of them; other tasks,
-limits and mink's tasks give theirs one by one.
+The library's own tasks and joint limits state what they want as numbers, and one compiled call makes the rows of all of them;
+other tasks and limits, and mink's, give theirs one by one.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hqp_rp.control._checks import real_array
-from hqp_rp.control._compiled import CompiledTask, Layout
+from hqp_rp.control._compiled import CompiledRows, Layout
 from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.row_kinds import HEADER, POSTURE
+from hqp_rp.core.row_kinds import BOX, HEADER, POSTURE
 from hqp_rp.core.threads import in_shares
 from hqp_rp.robot.frames import Point, frames_of
 from hqp_rp.robot.robot import Robot
@@ -44,6 +44,7 @@ class Assembly:
     """
 
     __slots__ = (
+        "_accelerated",
         "_differences",
         "_frames",
         "_held",
@@ -58,6 +59,7 @@ class Assembly:
         "_rows_of",
         "_table",
         "_tasks",
+        "_timed",
         "_total",
         "_two_sided",
         "_values",
@@ -77,7 +79,7 @@ class Assembly:
         self._others = [(k, kind, item) for k, (kind, item) in enumerate(items) if k not in self._own]
         self._lay_out([task for _, task in tasks])
 
-    def _lay_out(self, tasks: list[CompiledTask]) -> None:
+    def _lay_out(self, tasks: list[CompiledRows]) -> None:
         """Describe the compiled tasks as `hqp_rp.core.kernels.task_rows` wants it."""
         robot = self.robot
         layouts = [task._layout(robot) for task in tasks]
@@ -88,13 +90,22 @@ class Assembly:
         self._table = np.zeros((len(tasks), HEADER), dtype=np.int64)
         self._packs: list[tuple[Layout, slice]] = []
         self._held: list[FloatArray | None] = [None] * len(tasks)
-        # Coordinates, where a task needs them; then, for targets that only the robot can subtract, minus the differences.
-        self._differences: list[tuple[CompiledTask, slice]] = []
-        values = robot.nq if any(layout.kind == POSTURE for layout in layouts) else 0
+        # Coordinates, where they are needed; for limits dt and the velocity before; then, for targets that only the robot can
+        # subtract, minus the differences.
+        self._differences: list[tuple[CompiledRows, slice]] = []
+        kinds = {layout.kind for layout in layouts}
+        values = robot.nq if {POSTURE, BOX} & kinds else 0
+        self._timed = BOX in kinds
+        time = values
+        if self._timed:
+            values += 1 + robot.nv
+        self._accelerated = next(
+            (task for task, layout in zip(tasks, layouts, strict=True) if layout.accelerated), None
+        )
         index: list[int] = []
         end = 0
         for row, task, layout in zip(self._table, tasks, layouts, strict=True):
-            size = len(task._numbers(robot, layout))
+            size = len(task._current(robot, layout))
             row[[0, 1, 3, 4, 5, 6]] = (
                 layout.kind,
                 layout.rows,
@@ -112,6 +123,8 @@ class Assembly:
                 values += robot.nv
             elif layout.kind == POSTURE:
                 index += layout.index
+            elif layout.kind == BOX:
+                index.append(time)
         self._numbers, self._values = np.zeros(end), np.zeros(values)
         self._index = np.array(index, dtype=np.int64)
         counts = [0] * len(self._items)
@@ -136,6 +149,8 @@ class Assembly:
 
         Raises `ProblemError` for rows that do not fit the robot, are not finite or have crossed bounds.
         """
+        if v is None and self._accelerated is not None:
+            self._accelerated._require_velocity()
         others = self._given(dt, v) if self._others else None
         # Fresh at each step: a problem that someone keeps must not change when the next one is built.
         matrix, lower = np.empty((self._total, self._n)), np.empty(self._total)
@@ -151,9 +166,10 @@ class Assembly:
             if task._packed is not held[i] or held[i] is None:
                 self._pack(i, task)
         frames = self._frames
-        frames.read()
+        if frames.names:
+            frames.read()
         if self._values.size:
-            self._read_values()
+            self._read_values(dt, v)
         sound = self._kernel(
             self._table,
             self._index,
@@ -197,17 +213,18 @@ class Assembly:
         in_shares(work, len(q), threads)
         return matrices, lowers
 
-    def _pack(self, i: int, task: CompiledTask) -> None:
+    def _pack(self, i: int, task: CompiledRows) -> None:
         """Put a task's numbers in their place: it is new here, or one of its setters was called."""
         layout, span = self._packs[i]
-        packed = task._packed
-        if packed is None:
-            packed = task._packed = task._numbers(self.robot, layout)
-        self._numbers[span] = self._held[i] = packed
+        self._numbers[span] = self._held[i] = task._current(self.robot, layout)
 
-    def _read_values(self) -> None:
-        q = self.robot.q
-        self._values[: len(q)] = q
+    def _read_values(self, dt: float | None, v: FloatArray | None) -> None:
+        values, q = self._values, self.robot.q
+        nq = len(q)
+        values[:nq] = q
+        if self._timed:
+            values[nq] = dt
+            values[nq + 1 : nq + 1 + self._n] = 0.0 if v is None else v
         for task, span in self._differences:
             self._values[span] = -self.robot.difference(q, task.target)  # type: ignore[attr-defined]
 
@@ -225,6 +242,7 @@ class Assembly:
             else:
                 A, lower = item.evaluate(robot, dt)
                 upper = lower
+            m = -1
             try:
                 m = len(lower)
                 fits = A.shape == (m, n) and lower.shape == (m,) == upper.shape
@@ -277,10 +295,10 @@ def _none() -> None:
     return None
 
 
-def _compiled(item: Any) -> CompiledTask | None:
-    """The compiled task that an item is, or is made of; None where its own `evaluate` has to be called."""
+def _compiled(item: Any) -> CompiledRows | None:
+    """The compiled rows that an item is, or is made of; None where its own `evaluate` or `rows` has to be called."""
     task = getattr(item, "compiled", None)
-    return task if isinstance(task, CompiledTask) else None
+    return task if isinstance(task, CompiledRows) else None
 
 
 def _misfit(A: FloatArray, lower: FloatArray, upper: FloatArray, n: int, place: str) -> ProblemError:

@@ -6,6 +6,7 @@ TWIST = 1
 POSTURE = 2
 RELATIVE = 3
 POINTING = 4
+BOX = 5
 
 HEADER = 8
 """Columns of the table of tasks."""

@@ -1,6 +1,6 @@
-"""Rows of a stack's tasks from the poses and Jacobians of frames: every task of a stack in one call.
+"""Rows of a stack's tasks and limits from the poses and Jacobians of frames: all of them in one call.
 
-A task is a row of `items` and a run of `numbers`. `items` (K, 8) holds for each task
+A task or limit is a row of `items` and a run of `numbers`. `items` (K, 8) holds for each
 
     kind, m, its first row, start of its numbers, its frame, the frame of its axes (-1: the world), start of its indices, 0
 
@@ -15,8 +15,9 @@ import math
 
 import numpy as np
 
+from hqp_rp.core.kernels.box_rows import box_limit
 from hqp_rp.core.kernels.compile import inlined, kernel
-from hqp_rp.core.row_kinds import FRAME, POSTURE, RELATIVE, TWIST
+from hqp_rp.core.row_kinds import BOX, FRAME, POSTURE, RELATIVE, TWIST
 
 
 @kernel
@@ -238,12 +239,11 @@ def pointing_task(header, numbers, rotations, jacobians, plain, matrix, rate, ro
 
 @kernel
 def task_rows(items, index, numbers, rotations, origins, jacobians, values, plain, matrix, lower, upper):
-    """Fill the rows of all tasks in matrix (M, n) and lower (M,); then judge all rows: True where a solver can take them.
+    """Fill the rows of all tasks and limits in matrix (M, n), lower and upper (M,), then judge all rows.
 
-    Rows of other items stand in the arrays already. `upper` is empty where every row is an equality; otherwise it gets the
-    tasks' rates as well. `values`: coordinates that the targets of posture tasks are compared with. `plain`: rows without
-    weights, and errors in the place of rates. Rows can be taken when every entry of the matrix is finite, bounds are
-    ordered, and no row is without any answer.
+    Rows of other items stand in the arrays already. `upper` is empty where every row is an equality. `values`: coordinates
+    that posture tasks and limits refer to, dt, and the velocity before the step. `plain`: rows without weights, and errors in
+    the place of rates. True where every entry of the matrix is finite, bounds are ordered, and each row has an answer.
     """
     room = np.empty((3, 6))
     product = np.empty((6, 3))
@@ -251,6 +251,9 @@ def task_rows(items, index, numbers, rotations, origins, jacobians, values, plai
     for k in range(items.shape[0]):
         header = items[k]
         kind = header[0]
+        if kind == BOX:
+            box_limit(header, index, numbers, values, matrix, lower, upper)
+            continue
         if kind == FRAME:
             frame_task(header, index, numbers, rotations, origins, jacobians, plain, matrix, lower, room, product)
         elif kind == TWIST:
