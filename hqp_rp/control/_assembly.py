@@ -16,8 +16,8 @@ import numpy as np
 from hqp_rp.control._checks import real_array
 from hqp_rp.control._compiled import CompiledRows, Layout
 from hqp_rp.core.errors import ProblemError, SettingError
+from hqp_rp.core.kernels.row_kinds import BOX, HEADER, POSTURE
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.row_kinds import BOX, HEADER, POSTURE
 from hqp_rp.core.threads import in_shares
 from hqp_rp.robot.frames import Point, frames_of
 from hqp_rp.robot.robot import Robot
@@ -106,9 +106,10 @@ class Assembly:
         end = 0
         for row, task, layout in zip(self._table, tasks, layouts, strict=True):
             size = len(task._current(robot, layout))
-            row[[0, 1, 3, 4, 5, 6]] = (
+            row[:] = (
                 layout.kind,
                 layout.rows,
+                0,
                 end,
                 number[layout.frame],
                 number[layout.axes],

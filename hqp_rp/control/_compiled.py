@@ -20,7 +20,7 @@ class Layout:
     """What of the rows does not change from step to step.
 
     Attributes:
-        kind: one of `hqp_rp.core.row_kinds`. rows: m.
+        kind: one of `hqp_rp.core.kernels.row_kinds`. rows: m.
         index: for each row an axis (0 ... 5), a velocity index, or, of a box, a place in q (-1: none).
         frame: the frame that moves. axes: the frame whose axes are meant, None for the world.
         difference: whether only the robot can subtract q from the task's `target`.

@@ -12,8 +12,8 @@ from hqp_rp.control._compiled import CompiledLimit, Layout
 from hqp_rp.control._coordinates import coordinate_index
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.core.kernels.row_kinds import BOX
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.row_kinds import BOX
 from hqp_rp.robot.robot import Robot
 
 

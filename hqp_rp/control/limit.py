@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import joint_indices, real_array
 from hqp_rp.control._compiled import CompiledLimit, Layout
 from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.core.kernels.row_kinds import BOX
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.row_kinds import BOX
 from hqp_rp.robot.robot import Robot
 
 PerJoint: TypeAlias = ArrayLike | Mapping[str, float] | None

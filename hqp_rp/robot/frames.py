@@ -121,8 +121,8 @@ class Frames:
 
 
 def frames_of(robot: Robot, names: tuple[str | Point, ...]) -> Frames:
-    """The frames in the way that suits the robot: its own `frames(names)` where it has one."""
-    own = getattr(robot, "frames", None)
+    """The frames in the way that suits the robot: its own `frame_reader(names)` where it has one."""
+    own = getattr(robot, "frame_reader", None)
     return Frames(robot, names) if own is None else own(names)
 
 

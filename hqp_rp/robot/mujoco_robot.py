@@ -189,7 +189,7 @@ class MujocoRobot(ModelRobot):
             mujoco.mj_jacSite(self._model, self._data, jacobian[:3], jacobian[3:], index - self._nbody)
         return jacobian
 
-    def frames(self, names: tuple[str | Point, ...]) -> MujocoFrames:
+    def frame_reader(self, names: tuple[str | Point, ...]) -> MujocoFrames:
         """Poses and Jacobians of these frames in arrays that are read again and again; see `Frames`."""
         return MujocoFrames(self, names)
 

@@ -1,8 +1,8 @@
 """Rows of a stack's tasks and limits from the poses and Jacobians of frames: all of them in one call.
 
-A task or limit is a row of `items` and a run of `numbers`. `items` (K, 8) holds for each
+A task or limit is a row of `items` and a run of `numbers`. `items` (K, 7) holds for each
 
-    kind, m, its first row, start of its numbers, its frame, the frame of its axes (-1: the world), start of its indices, 0
+    kind, m, its first row, start of its numbers, its frame, the frame of its axes (-1: the world), start of its indices
 
 and `numbers`, from that start on, gain (m), weight (m), then what the kind needs (see each function). Frames are numbered as
 in `rotations` (F, 3, 3), `origins` (F, 3) and `jacobians` (F, 6, n); Jacobians hold the velocity of the frame's origin over
@@ -16,49 +16,23 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.box_rows import box_limit
-from hqp_rp.core.kernels.compile import inlined, kernel
-from hqp_rp.core.row_kinds import BOX, FRAME, POSTURE, RELATIVE, TWIST
+from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.rotation import rotation_error, turned
+from hqp_rp.core.kernels.row_kinds import BOX, FRAME, POSTURE, RELATIVE, TWIST
 
 
 @kernel
-def rotation_vector(R, r):
-    """r (3,) <- log R, with 0 <= |r| <= pi, through the largest of the four forms of the quaternion (Shepperd 1978)."""
-    a, b, c = R[0, 0], R[0, 1], R[0, 2]
-    d, e, f = R[1, 0], R[1, 1], R[1, 2]
-    g, h, i = R[2, 0], R[2, 1], R[2, 2]
-    trace = a + e + i
-    largest = max(max(trace, a), max(e, i))
-    # Four times the product of one quaternion component with all of them; the common factor drops out below.
-    if largest == trace:
-        w, x, y, z = 1.0 + trace, h - f, c - g, d - b
-    elif largest == a:
-        w, x, y, z = h - f, 1.0 + a - e - i, b + d, c + g
-    elif largest == e:
-        w, x, y, z = c - g, b + d, 1.0 - a + e - i, f + h
-    else:
-        w, x, y, z = d - b, c + g, f + h, 1.0 - a - e + i
-    if w < 0.0:
-        w, x, y, z = -w, -x, -y, -z
-    sine = math.hypot(math.hypot(x, y), z)
-    # atan2(s, w) / s tends to 1 / w: below 1e-9 the next term of the series, (s / w)^2 / 3, is lost in rounding.
-    factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-9 * w else 2.0 / w
-    r[0], r[1], r[2] = factor * x, factor * y, factor * z
-
-
-@inlined
-def turned(R, v, out):
-    """out (3,) <- R^T v."""
-    for i in range(3):
-        out[i] = R[0, i] * v[0] + R[1, i] * v[1] + R[2, i] * v[2]
-
-
-@kernel
-def rotation_error(R_target, R, product, r):
-    """r (3,) <- log(R_target R^T); product (3, 3) is room."""
-    for i in range(3):
-        for j in range(3):
-            product[i, j] = R_target[i, 0] * R[j, 0] + R_target[i, 1] * R[j, 1] + R_target[i, 2] * R[j, 2]
-    rotation_vector(product, r)
+def frame_row(J, rotations, axes, axis, w, row):
+    """row (n,) <- w times row `axis` of J (6, n), in the world's axes or, for axes >= 0, in those of that frame."""
+    if axes < 0:
+        for j in range(len(row)):
+            row[j] = w * J[axis, j]
+        return
+    R = rotations[axes]
+    half = 3 if axis >= 3 else 0
+    x, y, z = w * R[0, axis - half], w * R[1, axis - half], w * R[2, axis - half]
+    for j in range(len(row)):
+        row[j] = x * J[half, j] + y * J[half + 1, j] + z * J[half + 2, j]
 
 
 @kernel
@@ -98,48 +72,26 @@ def frame_task(header, index, numbers, rotations, origins, jacobians, plain, mat
         axis = index[start + i]
         w = 1.0 if plain else numbers[at + m + i]
         rate[row + i] = e[axis] if plain else w * (feed[axis] + numbers[at + i] * e[axis])
-        if axes < 0:
-            for j in range(n):
-                matrix[row + i, j] = w * J[axis, j]
-            continue
-        R = rotations[axes]
-        half = 3 if axis >= 3 else 0
-        c = axis - half
-        for j in range(n):
-            matrix[row + i, j] = R[0, c] * J[half, j] + R[1, c] * J[half + 1, j] + R[2, c] * J[half + 2, j]
-        if half == 0:
+        frame_row(J, rotations, axes, axis, w, matrix[row + i])
+        if axes >= 0 and axis < 3:
             # ([e]x R^T omega)_c = e_a (R^T omega)_b - e_b (R^T omega)_a with (c, a, b) in cyclic order
-            turning = jacobians[axes]
-            a, b = (c + 1) % 3, (c + 2) % 3
-            x = e[a] * R[0, b] - e[b] * R[0, a]
-            y = e[a] * R[1, b] - e[b] * R[1, a]
-            z = e[a] * R[2, b] - e[b] * R[2, a]
+            R, turning = rotations[axes], jacobians[axes]
+            a, b = (axis + 1) % 3, (axis + 2) % 3
+            x = w * (e[a] * R[0, b] - e[b] * R[0, a])
+            y = w * (e[a] * R[1, b] - e[b] * R[1, a])
+            z = w * (e[a] * R[2, b] - e[b] * R[2, a])
             for j in range(n):
                 matrix[row + i, j] -= x * turning[3, j] + y * turning[4, j] + z * turning[5, j]
-        if w != 1.0:
-            for j in range(n):
-                matrix[row + i, j] *= w
 
 
 @kernel
 def twist_task(header, index, numbers, rotations, jacobians, plain, matrix, rate):
     """A commanded velocity: numbers gain (not used), weight, velocity (m); index: axes. Rows `(R_f^T J)[axes]`."""
     m, row, at, f, axes, start = header[1], header[2], header[3], header[4], header[5], header[6]
-    n = matrix.shape[1]
-    J = jacobians[f]
     for i in range(m):
-        axis = index[start + i]
         w = 1.0 if plain else numbers[at + m + i]
         rate[row + i] = w * numbers[at + 2 * m + i]
-        if axes < 0:
-            for j in range(n):
-                matrix[row + i, j] = w * J[axis, j]
-            continue
-        R = rotations[axes]
-        half = 3 if axis >= 3 else 0
-        c = axis - half
-        for j in range(n):
-            matrix[row + i, j] = w * (R[0, c] * J[half, j] + R[1, c] * J[half + 1, j] + R[2, c] * J[half + 2, j])
+        frame_row(jacobians[f], rotations, axes, index[start + i], w, matrix[row + i])
 
 
 @kernel
