@@ -28,6 +28,7 @@ Rows: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 Where: TypeAlias = Callable[[Any], str]
 
 _NONE = np.empty(0)
+_WORTH_A_THREAD = 500  # configurations that take longer than a thread to start
 
 
 class Assembly:
@@ -211,7 +212,7 @@ class Assembly:
             if bad >= 0:
                 self._refuse(matrices[span][bad], lowers[span][bad], lowers[span][bad])
 
-        in_shares(work, len(q), threads)
+        in_shares(work, len(q), threads, least=_WORTH_A_THREAD)
         return matrices, lowers
 
     def _pack(self, i: int, task: CompiledRows) -> None:

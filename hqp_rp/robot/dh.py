@@ -34,6 +34,10 @@ _PER_JOINT = (
 )
 
 
+# Configurations that take longer than a thread to start: about half a millisecond.
+_WORTH_A_THREAD = 2000
+
+
 @dataclasses.dataclass(frozen=True)
 class Link:
     """One rigid link of a `DHArm`: a solid capsule of uniform density, in the frame centred at its own joint.
@@ -195,7 +199,7 @@ class DHArm:
 
         Args:
             q: (..., n) rad. frame: one of `frame_names`.
-            threads: how many share the configurations; None means one for each core.
+            threads: how many share the configurations, at most; None means one for each core.
 
         Raises `RobotError` as `pose`, and `SettingError` for threads that are no number of threads.
         """
@@ -210,7 +214,7 @@ class DHArm:
         def work(span: slice) -> None:
             serial_arm(Q[span], *self._rows, index, rotations[span], origins[span], jacobians[span])
 
-        in_shares(work, len(Q), threads)
+        in_shares(work, len(Q), threads, least=_WORTH_A_THREAD)
         return (
             rotations.reshape(*q.shape[:-1], 3, 3),
             origins.reshape(*q.shape[:-1], 3),

@@ -245,6 +245,15 @@ def test_a_batch_is_the_problems_one_by_one(kind):
         robot.update(before)
 
 
+def test_a_batch_in_several_threads_is_the_same():
+    robot, rng = ROBOTS["mujoco"](), np.random.default_rng(7)
+    stack = Stack([every_task(robot, rng)])
+    q = rng.uniform(-2.0, 2.0, (4100, 7))
+    alone, several = (stack.batch(robot, q, threads=threads) for threads in (1, 3))
+    for one, other in ((alone[0], several[0]), (alone[1], several[1])):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_a_batch_with_a_soft_limit_has_two_sides():
     robot = ROBOTS["mujoco"]()
     stack = Stack([JointLimit(), PositionTask("tool", np.zeros(3))])

@@ -32,3 +32,10 @@ def test_an_error_in_a_thread_is_raised():
 def test_misuse(threads):
     with pytest.raises(SettingError, match=r"threads is .*; it must be None or an integer of at least 1"):
         in_shares(lambda span: None, 3, threads)
+
+
+def test_few_items_take_few_threads():
+    for count, shares in ((0, 0), (1, 1), (19, 1), (20, 2), (1000, 3)):
+        spans = []
+        in_shares(spans.append, count, 3, least=10)
+        assert len(spans) == shares + (shares > 1)  # several begin with a call that compiles

@@ -58,7 +58,7 @@ def test_the_jacobian_is_the_derivative_of_the_pose(arm: DHArm) -> None:
 
 def test_the_number_of_threads_and_the_neighbours_change_nothing() -> None:
     arm = sawyer()
-    q = draws(arm, 100)
+    q = draws(arm, 6100)  # enough for several threads
     alone = frame_batch(arm, "tool", q, threads=1)
     for threads in (2, 3, None):
         for one, other in zip(alone, frame_batch(arm, "tool", q, threads=threads), strict=True):
