@@ -11,3 +11,9 @@ _worker = os.environ.get("PYTEST_XDIST_WORKER")
 if _worker is not None:
     assert "numba" not in sys.modules, "numba has read its settings before the worker's own cache was set"
     os.environ["NUMBA_CACHE_DIR"] = str(Path(__file__).parents[1] / ".pytest_cache" / "numba" / _worker)
+
+import hypothesis  # noqa: E402
+
+# The first call of a kernel compiles it: how long an example takes says nothing.
+hypothesis.settings.register_profile("compiled", deadline=None)
+hypothesis.settings.load_profile("compiled")

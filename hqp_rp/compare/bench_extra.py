@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from hqp_rp.compare.bench_native import NotBuilt
 from hqp_rp.compare.bench_timing import LocalRunner, interleaved
 from hqp_rp.core.batch import solve_batch
 from hqp_rp.core.errors import MissingExtraError
+from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.robot.arms import sawyer
+from hqp_rp.robot.batch import frame_batch
 
 GROWERS = ("null space", "reverse priority", "active set, cold", "DAQP, accurate", "numpy SVD cascade")
 SIZES = (4, 7, 14, 28, 50, 100, 200)
@@ -81,20 +84,36 @@ def growth(over: str, peers: Sequence[str], *, calls: int, budget: float) -> Cur
 
 
 def batch_rates(cores: int, *, count: int = BATCH) -> list[tuple[str, int, float]]:
-    """(solver, threads, problems per second) of `solve_batch` on two-level 7-joint problems; the median of five calls."""
+    """(what, threads, problems or configurations per second), the median of five calls.
+
+    `solve_batch` on two-level 7-joint problems; poses and Jacobians of the Sawyer's tool; whole stacks (3+3+7) of it.
+    """
+    from hqp_rp.compare.bench_steps import step_family
+
     rng = np.random.default_rng(3)
     A, b = rng.standard_normal((count, 6, 7)), rng.standard_normal((count, 6))
-    offsets = np.array([0, 3, 6])
+    q, offsets = rng.uniform(-3.0, 3.0, (count, 7)), np.array([0, 3, 6])
+    made = step_family("step_sawyer", quick=True)
+    calls: dict[str, Callable[[int], object]] = {
+        f"solve_batch, {name}, two-level 7-joint problems": functools.partial(_solved, A, b, offsets, name)
+        for name in BATCHED
+    }
+    calls["frame_batch, Jacobians of the Sawyer"] = lambda threads: frame_batch(sawyer(), "tool", q, threads=threads)
+    calls["Stack.batch, the Sawyer's 3+3+7 rows"] = lambda threads: made.stack.batch(made.robot, q, threads=threads)
     found = []
-    for name in BATCHED:
+    for what, call in calls.items():
         for threads in sorted({1, cores}):
             times = []
             for _ in range(6):
                 start = time.perf_counter()
-                solve_batch(A, b, None, offsets, solver=name, threads=threads)
+                call(threads)
                 times.append(time.perf_counter() - start)
-            found.append((name, threads, count / float(np.median(times[1:]))))
+            found.append((what, threads, count / float(np.median(times[1:]))))
     return found
+
+
+def _solved(A: FloatArray, b: FloatArray, offsets: IntArray, name: str, threads: int) -> object:
+    return solve_batch(A, b, None, offsets, solver=name, threads=threads)
 
 
 _IMPORT = (

@@ -85,7 +85,7 @@ class Measured:
         results: one for each family, in order. missing: a sentence for each peer that takes no part.
         versions: of peers in environments of their own.
         growth: what it is over ("unknowns", "levels") -> curves; empty in a quick run.
-        batch: (solver, threads, problems per second). start: see `start_up`.
+        batch: (what, threads, per second). start: see `start_up`.
         instructions: label -> per call; no_instructions: why there are none, or "".
         inside: what is inside a call.
     """
@@ -123,7 +123,7 @@ def measure(asked: Asked, progress: bool = False) -> Measured:
         for over in ("unknowns", "levels"):
             say("growth", over)
             curves[over] = growth(over, asked.peers, calls=asked.calls // 10, budget=asked.budget / 4)
-    say("solve_batch", "")
+    say("many at once", "")
     batch = batch_rates(usable_cores(), count=2000 if asked.quick else 20_000)
     say("start", "")
     start = start_up(2 if asked.quick else 5)

@@ -93,7 +93,7 @@ def answer(measured: Measured) -> tuple[str, ...]:
     for name, threads, rate in measured.batch:
         if threads == max(t for _, t, _ in measured.batch):
             cores = "1 core" if threads == 1 else f"{threads} cores"
-            sentences.append(f"solve_batch, {name}, two-level 7-joint problems: {number(rate, 3)} a second on {cores}.")
+            sentences.append(f"{name}: {number(rate, 3)} a second on {cores}.")
     compiler = "with" if measured.start["compiler"] else "without"
     sentences.append(
         f"import hqp_rp takes {number(measured.start['import'])} s, {compiler} loading the compiler; the first solve with a "
@@ -158,10 +158,10 @@ def _times(result: Result) -> Table:
 def _batch(measured: Measured) -> Table:
     rows = tuple((name, str(threads), number(rate, 3)) for name, threads, rate in measured.batch)
     return Table(
-        "solve_batch",
-        ("solver", "threads", "problems per second"),
+        "Many at once",
+        ("what", "threads", "per second"),
         rows,
-        f"Two levels of three rows on 7 joints, up to {BATCH} at once.",
+        f"Up to {BATCH} problems or configurations in one call; solve_batch on two levels of three rows.",
     )
 
 

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from hqp_rp.compare.bench_entrants import Entrant, not_installed, our_entrants
+from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.problem import FloatArray, Problem
 
-STEP_FAMILIES = ("step_sawyer", "step_humanoid")
+STEP_FAMILIES = ("step_sawyer", "step_sawyer_limits", "step_humanoid")
 """Names of the whole control steps, for `--family`."""
 
 DT = 0.01
@@ -41,6 +42,7 @@ class StepFamily:
         name, title, words: as of a `Family`.
         robot: what `hqp_rp.control.Stack` needs. stack: ours. configurations: (N, nq).
         mink_levels: mink's tasks, level by level, or None when mink is not installed.
+        limited: joint position limits are hard rows, for mink its own `ConfigurationLimit`.
     """
 
     name: str
@@ -50,6 +52,7 @@ class StepFamily:
     stack: Stack
     configurations: FloatArray
     mink_levels: tuple[tuple[Any, ...], ...] | None
+    limited: bool = False
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -70,10 +73,11 @@ class Stepper:
 
 
 def step_family(name: str, *, quick: bool = False) -> StepFamily:
-    """ "step_sawyer" (position, orientation, posture) or "step_humanoid" (soles, centre of mass, hands, posture)."""
+    """ "step_sawyer" (position, orientation, posture), "step_sawyer_limits" (the same within the joint limits) or
+    "step_humanoid" (soles, centre of mass, hands, posture)."""
     from hqp_rp.robot.named import named_robot
 
-    robot: Any = named_robot("sawyer" if name == "step_sawyer" else "humanoid")
+    robot: Any = named_robot("humanoid" if name == "step_humanoid" else "sawyer")
     rng = np.random.default_rng(7)
     count = 64 if quick else _STEPS
     wave = rng.uniform(0.0, 2.0 * np.pi, robot.nv)
@@ -85,15 +89,19 @@ def step_family(name: str, *, quick: bool = False) -> StepFamily:
     )
     robot.update(robot.neutral)
     mink_there = importlib.util.find_spec("mink") is not None
-    if name == "step_sawyer":
+    limited = name == "step_sawyer_limits"
+    if name != "step_humanoid":
         stack, theirs = _sawyer(robot, mink_there)
-        title, words = "step: Sawyer", "tool position, tool orientation, posture (3+3+7) on 7 joints; 8 rad path"
+        title = "step: Sawyer, limits" if limited else "step: Sawyer"
         words = "tool position, tool orientation, posture (3+3+7) on 7 joints, along a closed path"
+        if limited:
+            stack = Stack(stack.levels, limits=[JointLimit(velocity=np.inf)])
+            words += ", within the joint position limits"
     else:
         stack, theirs = _humanoid(robot, mink_there)
         title = "step: humanoid"
         words = f"soles, centre of mass, hands, posture (12+3+6+{robot.nv - 6}) on {robot.nv} velocities, along a closed path"
-    return StepFamily(name, title, words, robot, stack, configurations, theirs)
+    return StepFamily(name, title, words, robot, stack, configurations, theirs, limited)
 
 
 def _sawyer(robot: Any, mink_there: bool) -> tuple[Stack, tuple[tuple[Any, ...], ...] | None]:
@@ -166,14 +174,20 @@ def steppers(family: StepFamily, peers: Sequence[str]) -> tuple[list[Stepper], l
         if family.mink_levels is None:
             missing.append(not_installed("mink"))
         else:
-            stack = Stack(family.mink_levels)
-            found += _ours(family, stack, STEPPERS[:1], ", mink's tasks")
-            found += [_mink(family, solver, found[-1].problems) for solver in ("daqp", "proxqp")]
+            import mink
+
+            limits = [mink.ConfigurationLimit(family.robot.model)] if family.limited else []
+            stack = Stack(family.mink_levels, limits=limits)
+            found += _ours(family, stack, STEPPERS[3:4] if family.limited else STEPPERS[:1], ", mink's tasks")
+            judge = found[-1].problems
+            found += [_mink(family, f"mink {solver}", solver, limits, judge) for solver in ("daqp", "proxqp")]
+            if family.limited:
+                found.append(_mink(family, "mink daqp, default call", "daqp", None, judge))
     return found, missing
 
 
 def _ours(family: StepFamily, stack: Stack, labels: Sequence[str], suffix: str) -> list[Stepper]:
-    robot, dt = family.robot, DT if suffix else None
+    robot, dt = family.robot, DT if suffix or family.limited else None
     problems = []
     for q in family.configurations:
         robot.update(q)
@@ -190,7 +204,9 @@ def _ours(family: StepFamily, stack: Stack, labels: Sequence[str], suffix: str) 
         return Stepper(f"{entrant.label}{suffix}", False, entrant.settings, calls, entrant.answer, problems)
 
     chosen = {entrant.label: entrant for entrant in our_entrants()}
-    return [stepper(chosen[label]) for label in labels if label in chosen]
+    return [
+        stepper(chosen[label]) for label in labels if label in chosen and chosen[label].refuses(problems[0]) is None
+    ]
 
 
 def _solve_of(entrant: Entrant, problem: Problem) -> Callable[[Problem], Any]:
@@ -201,7 +217,10 @@ def _solve_of(entrant: Entrant, problem: Problem) -> Callable[[Problem], Any]:
     return solve
 
 
-def _mink(family: StepFamily, solver: str, problems: Sequence[Problem]) -> Stepper:
+def _mink(
+    family: StepFamily, label: str, solver: str, limits: list[Any] | None, problems: Sequence[Problem]
+) -> Stepper:
+    """`limits` None is the documented default: a `ConfigurationLimit`, which mink then builds at every call."""
     import mink
 
     assert family.mink_levels is not None
@@ -210,11 +229,10 @@ def _mink(family: StepFamily, solver: str, problems: Sequence[Problem]) -> Stepp
 
     def step(q: FloatArray) -> FloatArray:
         configuration.update(q)
-        v: FloatArray = mink.solve_ik(configuration, tasks, DT, solver, limits=[])
+        v: FloatArray = mink.solve_ik(configuration, tasks, DT, solver, limits=limits)
         return v
 
     calls = tuple(functools.partial(step, q) for q in family.configurations)
-    words = (
-        f"mink.solve_ik(configuration, tasks, {DT}, {solver!r}, limits=[]), costs {', '.join(f'{c:g}' for c in COSTS)}"
-    )
-    return Stepper(f"mink {solver}", True, words, calls, lambda v: v, problems)
+    told = "" if limits is None else f", limits={'[ConfigurationLimit]' if limits else '[]'}"
+    words = f"mink.solve_ik(configuration, tasks, {DT}, {solver!r}{told}), costs {', '.join(f'{c:g}' for c in COSTS)}"
+    return Stepper(label, True, words, calls, lambda v: v, problems)

@@ -47,7 +47,7 @@ class Warmup:
 
 
 def warm_up_all(report: Callable[[str, int, int], None] | None = None) -> Warmup:
-    """Compile, or load from the cache, every kernel that solvers, batches and verification call.
+    """Compile, or load from the cache, every kernel that solvers, batches, verification, tasks and arms call.
 
     Args:
         report: told what is at work, how many pieces of work are done, and how many there are.
@@ -129,8 +129,25 @@ def _work() -> Iterator[tuple[str, Callable[[], object]]]:
             solver.solve(problem)
 
         yield f"{name}, batch", batch
+    yield "task rows and kinematics", _step_rows
     for kind, one in problems.items():
         yield f"verification, {kind}", lambda one=one: fault_of(one, np.zeros(7), None, 1e-6)  # type: ignore[misc]
+
+
+def _step_rows() -> None:
+    """The rows of a stack, one configuration and many, and what the references use."""
+    from hqp_rp.control._rotations import rotation_log
+    from hqp_rp.control.posture_task import PostureTask
+    from hqp_rp.control.stack import Stack
+    from hqp_rp.robot.arms import planar_arm
+    from hqp_rp.robot.mujoco_robot import MujocoRobot
+
+    robot = MujocoRobot.from_arm(planar_arm(3))
+    stack = Stack([PostureTask(robot.neutral)])
+    stack.problem(robot)
+    stack.batch(robot, robot.neutral[None])
+    planar_arm(3).jacobian(robot.neutral)
+    rotation_log(np.eye(3))
 
 
 def _dispatchers() -> Iterator[tuple[str, Any]]:

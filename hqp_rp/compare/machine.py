@@ -29,7 +29,15 @@ def source_digest() -> str:
     return together.hexdigest()[:12]
 
 
-_JUDGES = ("metrics.py", "reference.py", "run.py", "stress_judge.py", "stress_plan.py", "stress_rows.py")
+_JUDGES = (
+    "metrics.py",
+    "reference.py",
+    "run.py",
+    "stress_judge.py",
+    "stress_levels.py",
+    "stress_plan.py",
+    "stress_rows.py",
+)
 
 
 @functools.cache

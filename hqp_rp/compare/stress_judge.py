@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hqp_rp.compare.stress_levels import LevelScale, level_scales
+from hqp_rp.compare.stress_levels import level_errors as equality_errors
 from hqp_rp.compare.stress_plan import STEPS, Samples
 from hqp_rp.core.certificate import certify
-from hqp_rp.core.diagnostics import norm, two_norm
-from hqp_rp.core.distance import orthogonal_cascade
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.truth import truth
@@ -39,33 +38,16 @@ class References:
 
     Attributes:
         x: (C, n) the optimum, nan where it is not known. method: (C,) index into `REFERENCES`.
-        ambiguous: (C,) solvers of two opinions on the rank are right. sigma: (C,) distance from a singularity, see `Scale`.
-        scales: for each sample, for each level; empty for problems with limits.
+        ambiguous: (C,) solvers of two opinions on the rank are right. sigma: (C,) distance from a singularity, see
+            `LevelScale`.
+        scales: one for each level; empty for problems with limits.
     """
 
     x: FloatArray
     method: NDArray[np.uint8]
     ambiguous: NDArray[np.bool_]
     sigma: FloatArray
-    scales: tuple[tuple[Scale, ...], ...]
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Scale:
-    """One level of an equality problem, with Z an orthonormal basis of the null space of the levels before it.
-
-    Attributes:
-        range: (m, r) orthonormal basis of range(A_k Z), r the rank by the library's rule.
-        noise: what rounding may have turned that range by, in [0, 1].
-        size: ||A_k||_2. target: ||b_k||_2.
-        sigma: the min(m, d)-th singular value of A_k Z over ||A_k||_2; inf where the level has more rows than freedom.
-    """
-
-    range: FloatArray
-    noise: float
-    size: float
-    target: float
-    sigma: float
+    scales: tuple[LevelScale, ...]
 
 
 def exact_every(problem: Problem) -> int:
@@ -87,27 +69,23 @@ def references(samples: Samples) -> References:
     method = np.zeros(count, dtype=np.uint8)
     ambiguous = np.zeros(count, dtype=bool)
     sigma = samples.sigma.copy()
-    scales = []
+    scales, answers, errors = level_scales(samples.tasks)
+    unknown = ~np.isfinite(sigma)
+    sigma[unknown] = np.min([scale.sigma for scale in scales], axis=0)[unknown]
+    plain = all(is_plain(problem) for problem in problems)
     every = exact_every(first)
-    for i, (problem, tasks) in enumerate(zip(problems, samples.tasks, strict=True)):
-        own = level_scales(tasks)
-        if not np.isfinite(sigma[i]):
-            sigma[i] = min(scale.sigma for scale in own)
-        plain = is_plain(problem)
-        scales.append(own if plain else ())
+    method[:] = REFERENCES.index(NONE if plain else CERTIFICATE)
+    if plain:
+        known = errors <= RESOLVED
+        x[known], method[known] = answers[known], REFERENCES.index(DOUBLE)
+    for i in np.flatnonzero(method != REFERENCES.index(DOUBLE)).tolist():
         number = samples.path[i] if samples.path[i] >= 0 else samples.number[i]
-        method[i] = REFERENCES.index(NONE if plain else CERTIFICATE)
-        if plain:
-            with np.errstate(all="ignore"):
-                answer, error = orthogonal_cascade(problem, np.zeros(n), RANK_TOLERANCE)
-            if error <= RESOLVED:
-                x[i], method[i] = answer, REFERENCES.index(DOUBLE)
-        if method[i] != REFERENCES.index(DOUBLE) and every and number % every == 0:
-            exact = truth(problem, rank_rule=RANK_TOLERANCE)
+        if every and number % every == 0:
+            exact = truth(problems[i], rank_rule=RANK_TOLERANCE)
             ambiguous[i] = exact.ambiguous
             if exact.x is not None:
                 x[i], method[i] = exact.x, REFERENCES.index(EXACT)
-    return References(x, method, ambiguous, sigma, tuple(scales))
+    return References(x, method, ambiguous, sigma, scales if plain else ())
 
 
 def is_plain(problem: Problem) -> bool:
@@ -115,34 +93,15 @@ def is_plain(problem: Problem) -> bool:
     return problem.is_equality and problem.hard is None
 
 
-def level_scales(problem: Problem) -> tuple[Scale, ...]:
-    """What judges each level of an equality problem; the estimate of `noise` is the certificate's."""
-    Z, drift, found = np.eye(problem.n), 8.0 * _EPS, []
-    for level in problem.levels:
-        size, target = two_norm(level.A), norm(level.lower)
-        U, values, Vt = np.linalg.svd(level.A @ Z)
-        rank = int((values > RANK_TOLERANCE * size).sum()) if size else 0
-        fits = 0 < level.m <= Z.shape[1]
-        sigma = (float(values[-1]) / size if size else 0.0) if fits else np.inf
-        noise = 0.0
-        if rank:
-            amplified = size / float(values[rank - 1])
-            noise = min(1.0, (drift + 8.0 * _EPS) * amplified)
-            drift = min(1.0, drift * (1.0 + amplified) + 8.0 * _EPS * amplified)
-        found.append(Scale(U[:, :rank], noise, size, target, sigma))
-        Z = Z @ Vt[rank:].T
-    return tuple(found)
-
-
 def level_errors(problems: Sequence[Problem], found: References, x: FloatArray) -> FloatArray:
     """(C, p) relative error of each level of the answers x (C, n), nan where there is no answer.
 
     What of the level's residual v could be removed at no cost to the levels before it, and rounding does not explain, over
     `||A_k|| ||x|| + ||b_k||`, the unit in which solvers declare their tolerance. For equalities `||P v|| - noise ||v||`
-    with P the projector onto `Scale.range`; for problems with limits by `certify`.
+    with P the projector onto `LevelScale.range`; for problems with limits by `certify`.
     """
-    if found.scales[0]:
-        return _equality_errors(problems, found, x)
+    if found.scales:
+        return equality_errors(problems, found.scales, x)
     errors = np.full((len(problems), problems[0].p), np.nan)
     for i, problem in enumerate(problems):
         if np.isfinite(x[i]).all():
@@ -150,20 +109,6 @@ def level_errors(problems: Sequence[Problem], found: References, x: FloatArray) 
                 levels = certify(problem, x[i]).levels
             proven = [max(level.excess - level.uncertainty, 0.0) for level in levels]
             errors[i] = [part / level.scale if part else 0.0 for part, level in zip(proven, levels, strict=True)]
-    return errors
-
-
-def _equality_errors(problems: Sequence[Problem], found: References, x: FloatArray) -> FloatArray:
-    errors = np.full((len(problems), problems[0].p), np.nan)
-    size = np.linalg.norm(x, axis=1)
-    for i in np.flatnonzero(np.isfinite(size)).tolist():
-        problem, scales = problems[i], found.scales[i]
-        rest = problem.matrix @ x[i] - problem.lower
-        for k, scale in enumerate(scales):
-            v = rest[problem.offsets[k] : problem.offsets[k + 1]]
-            w = v @ scale.range
-            proven = math.sqrt(w @ w) - scale.noise * math.sqrt(v @ v)
-            errors[i, k] = proven / (scale.size * size[i] + scale.target) if proven > 0.0 else 0.0
     return errors
 
 

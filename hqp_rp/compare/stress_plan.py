@@ -13,6 +13,7 @@ import numpy as np
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.control._sampling import Sampler
 from hqp_rp.control.catalogue import ApproachPath, approach_path, tasks_only
+from hqp_rp.control.limit import Limit
 from hqp_rp.control.singularities import SingularConfiguration
 from hqp_rp.control.stack import Stack
 from hqp_rp.control.stack_file import StackFile, parse_stack
@@ -161,6 +162,7 @@ class Scene:
     def __init__(self, robot: Robot, stack: Stack, dt: float | None) -> None:
         self.robot, self.stack, self.dt = robot, stack, dt
         self.tasks, self._index = tasks_only(stack)
+        self._plain = not stack.limits and not any(isinstance(item, Limit) for items in stack.levels for item in items)
         self._rest = np.zeros(robot.nv)
 
     def problem(self, q: FloatArray) -> Problem:
@@ -168,16 +170,19 @@ class Scene:
         self.robot.update(q)
         return self.stack.problem(self.robot, self.dt, self._rest)
 
+    def _equalities(self, stack: Stack, q: FloatArray) -> list[Problem]:
+        """The problems of a stack without limits at q (C, nq), their rows made in one call."""
+        A, b, _, offsets = stack.batch(self.robot, q, self.dt, self._rest, threads=1)
+        names = stack.names
+        return [
+            Problem.from_stacked(own, rate, rate, offsets, names=names, check=False)
+            for own, rate in zip(A, b, strict=True)
+        ]
+
     def samples(self, chunk: Chunk, q: FloatArray, place: Any, path: Any, step: Any, sigma: FloatArray) -> Samples:
         """The samples at the configurations q (C, nq)."""
-        problems, tasks = [], []
-        plain = all(level == own for level, own in enumerate(self._index)) and not self.stack.limits
-        for configuration in q:
-            problem = self.problem(configuration)
-            problems.append(problem)
-            tasks.append(
-                problem if plain and problem.is_equality else self.tasks.problem(self.robot, self.dt, self._rest)
-            )
+        tasks = self._equalities(self.tasks, q)
+        problems = tasks if self._plain else [self.problem(configuration) for configuration in q]
         number = chunk.first + np.arange(chunk.count)
         return Samples(chunk.kind, number, q, tuple(problems), tuple(tasks), place, path, step, sigma)
 

@@ -144,6 +144,11 @@ def axis_rows(axes: str | Sequence[str], valid: tuple[str, ...], what: str) -> t
     return chosen, np.array(indices, dtype=np.int64)
 
 
+def axis_numbers(axes: Sequence[str]) -> list[int]:
+    """The place of each axis in `TWIST_AXES`, 0 to 5."""
+    return [TWIST_AXES.index(axis) for axis in axes]
+
+
 def check_frames(robot: Robot, frames: Iterable[str], owner: str) -> None:
     """Raise `RobotError` for the first of `frames` that the robot does not have."""
     known = set(robot.frame_names)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from hqp_rp.core.problem import FloatArray
@@ -15,24 +13,11 @@ def rotation_log(R: FloatArray) -> FloatArray:
     Through the quaternion of Shepperd 1978 (the largest of four forms), so it keeps full accuracy near angle 0 and near
     pi. At exactly pi both r and -r are right: the one whose largest component is positive is returned.
     """
-    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    trace = a + e + i
-    largest = max(trace, a, e, i)
-    # Four times the product of one quaternion component with all of them; the common factor drops out below.
-    if largest == trace:
-        w, x, y, z = 1.0 + trace, h - f, c - g, d - b
-    elif largest == a:
-        w, x, y, z = h - f, 1.0 + a - e - i, b + d, c + g
-    elif largest == e:
-        w, x, y, z = c - g, b + d, 1.0 - a + e - i, f + h
-    else:
-        w, x, y, z = d - b, c + g, f + h, 1.0 - a - e + i
-    if w < 0.0:
-        w, x, y, z = -w, -x, -y, -z
-    sine = math.hypot(x, y, z)
-    # atan2(s, w) / s tends to 1 / w: below 1e-9 the next term of the series, (s / w)^2 / 3, is lost in rounding.
-    factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-9 * w else 2.0 / w
-    return np.array((factor * x, factor * y, factor * z))
+    from hqp_rp.core.kernels.rotation import rotation_vector
+
+    r = np.empty(3)
+    rotation_vector(np.array(R, dtype=np.float64), r)
+    return r
 
 
 def quaternion_to_matrix(quaternion: FloatArray) -> FloatArray:

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import LINEAR_AXES, axis_rows, finite_vector
+from hqp_rp.control._checks import LINEAR_AXES, axis_numbers, axis_rows, finite_vector
+from hqp_rp.control._compiled import Layout
 from hqp_rp.control.task import FeedbackTask
+from hqp_rp.core.kernels.row_kinds import FRAME
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.frames import Point
 from hqp_rp.robot.robot import Robot
 
 
@@ -31,7 +34,7 @@ class CenterOfMassTask(FeedbackTask):
         SettingError: a value of the wrong shape, not finite, or out of its range; an axis that does not exist.
     """
 
-    __slots__ = ("_axes", "_feedforward", "_index", "_target")
+    __slots__ = ("_axes", "_feedforward", "_target")
 
     def __init__(
         self,
@@ -44,7 +47,7 @@ class CenterOfMassTask(FeedbackTask):
         name: str = "",
     ) -> None:
         label = name or "centre of mass"
-        self._axes, self._index = axis_rows(axes, LINEAR_AXES, f"axes of {label!r}")
+        self._axes, _ = axis_rows(axes, LINEAR_AXES, f"axes of {label!r}")
         super().__init__(len(self._axes), label, gain, weight)
         self.target = target
         self.feedforward = feedforward
@@ -62,6 +65,7 @@ class CenterOfMassTask(FeedbackTask):
     @target.setter
     def target(self, value: ArrayLike) -> None:
         self._target = finite_vector(value, 3, f"the target of {self._name!r}", "m")
+        self._packed = None
 
     @property
     def feedforward(self) -> FloatArray | None:
@@ -73,12 +77,14 @@ class CenterOfMassTask(FeedbackTask):
         self._feedforward = (
             None if value is None else finite_vector(value, 3, f"the feedforward of {self._name!r}", "m/s")
         )
+        self._packed = None
 
-    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        index, feedforward = self._index, self._feedforward
-        error = self._target - robot.center_of_mass()
-        return (
-            robot.center_of_mass_jacobian()[index],
-            error[index],
-            None if feedforward is None else feedforward[index],
-        )
+    def _layout(self, robot: Robot) -> Layout:
+        return Layout(FRAME, len(self._axes), axis_numbers(self._axes), Point.CENTER_OF_MASS)
+
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
+        numbers, own = self._pack(layout, 18), 2 * layout.rows
+        if self._feedforward is not None:
+            numbers[own : own + 3] = self._feedforward
+        numbers[own + 15 :] = self._target
+        return numbers

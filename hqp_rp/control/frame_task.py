@@ -2,45 +2,71 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
+from typing import Any, ClassVar, Generic, TypeVar
 
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import WORLD, axis_rows, finite_vector, frame_name
-from hqp_rp.control._rotations import skew
+from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_numbers, axis_rows, finite_vector, frame_name
+from hqp_rp.control._compiled import Layout
 from hqp_rp.control.task import FeedbackTask
+from hqp_rp.core.kernels.row_kinds import FRAME
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
+Target = TypeVar("Target")
 
-class FrameTask(FeedbackTask):
+
+class FrameTask(FeedbackTask, Generic[Target]):
     """A feedback task on one frame, along chosen axes of the world, of the frame itself or of any other frame.
 
     Not used by itself: see `PositionTask`, `OrientationTask`, `PoseTask`.
     """
 
-    __slots__ = ("_axes", "_expressed_in", "_feedforward", "_frame", "_index", "_valid")
+    __slots__ = ("_axes", "_expressed_in", "_feedforward", "_frame", "_target")
+
+    _kind: ClassVar[str]
+    _valid: ClassVar[tuple[str, ...]]
+    _unit: ClassVar[str]
 
     def __init__(
         self,
         frame: str,
-        valid: tuple[str, ...],
-        kind: str,
+        target: Any,
         *,
-        axes: str | Sequence[str],
-        expressed_in: str,
-        gain: ArrayLike,
-        feedforward: ArrayLike | None,
-        weight: ArrayLike,
-        name: str,
+        axes: str | Sequence[str] | None = None,
+        expressed_in: str = WORLD,
+        gain: ArrayLike = 1.0,
+        feedforward: ArrayLike | None = None,
+        weight: ArrayLike = 1.0,
+        name: str = "",
     ) -> None:
         self._frame = frame_name(frame, "frame")
         self._expressed_in = frame_name(expressed_in, "expressed_in")
-        self._valid = valid
-        label = name or f"{frame} {kind}"
-        self._axes, self._index = axis_rows(axes, valid, f"axes of {label!r}")
+        label = name or f"{frame} {self._kind}"
+        self._axes, _ = axis_rows(self._valid if axes is None else axes, self._valid, f"axes of {label!r}")
         super().__init__(len(self._axes), label, gain, weight)
         self.feedforward = feedforward
+        self.target = target
+
+    @abc.abstractmethod
+    def _checked(self, target: Any) -> Target:
+        """The target as it is kept, read-only; raises `SettingError` for one that is none."""
+
+    @abc.abstractmethod
+    def _pose(self) -> tuple[FloatArray | None, FloatArray | None]:
+        """R* and p*, None for the half that the task does not have."""
+
+    @property
+    def target(self) -> Target:
+        """What the frame is brought to, as the constructor takes it; may be set at every step."""
+        return self._target
+
+    @target.setter
+    def target(self, value: Any) -> None:
+        self._target: Target = self._checked(value)
+        self._packed = None
 
     @property
     def frame(self) -> str:
@@ -69,20 +95,22 @@ class FrameTask(FeedbackTask):
 
     @feedforward.setter
     def feedforward(self, value: ArrayLike | None) -> None:
-        if value is None:
-            self._feedforward = None
-            return
-        unit = "m/s and rad/s" if len(self._valid) == 6 else ("m/s" if self._valid[0] == "x" else "rad/s")
-        self._feedforward = finite_vector(value, len(self._valid), f"the feedforward of {self._name!r}", unit)
+        what = f"the feedforward of {self._name!r}"
+        self._feedforward = None if value is None else finite_vector(value, len(self._valid), what, self._unit)
+        self._packed = None
 
-    def _axes_rotation(self, robot: Robot, rotation: FloatArray) -> FloatArray | None:
-        """R_f (3, 3), from the chosen axes to the world, or None for the world's own; `rotation` is the task frame's."""
-        if self._expressed_in == WORLD:
-            return None
-        return rotation if self._expressed_in == self._frame else robot.pose(self._expressed_in)[0]
+    def _layout(self, robot: Robot) -> Layout:
+        axes = None if self._expressed_in == WORLD else self._expressed_in
+        return Layout(FRAME, len(self._axes), axis_numbers(self._axes), self._frame, axes)
 
-    def _turning(self, robot: Robot, jacobian: FloatArray, R_f: FloatArray, error: FloatArray) -> FloatArray:
-        """(3, nv) `[e]x R_f^T J_omega`: what the turning of the axes R_f adds to d(R_f^T e)/dt, with e = `error` in R_f."""
-        turning = jacobian if self._expressed_in == self._frame else robot.jacobian(self._expressed_in)
-        product: FloatArray = skew(error) @ R_f.T @ turning[3:]
-        return product
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
+        numbers, own = self._pack(layout, 18), 2 * layout.rows
+        if self._feedforward is not None:
+            first = own + TWIST_AXES.index(self._valid[0])
+            numbers[first : first + len(self._valid)] = self._feedforward
+        rotation, origin = self._pose()
+        if rotation is not None:
+            numbers[own + 6 : own + 15] = rotation.ravel()
+        if origin is not None:
+            numbers[own + 15 :] = origin
+        return numbers

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.control._assembly import LIMIT, Assembly
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
-from hqp_rp.control._rows import LIMIT, stack_rows
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.reference import Reference
 from hqp_rp.control.stack import Stack
@@ -105,6 +105,7 @@ class InteractionController:
         "_robot",
         "_running_since_start",
         "_scale_into",
+        "_scale_rows",
         "_sensor",
         "_sent",
         "_solver",
@@ -141,6 +142,7 @@ class InteractionController:
         self._stop_time = positive_number(stop_time, "stop_time")
         self._accepted = (Status.SOLVED, Status.INACCURATE) if accept_inaccurate else (Status.SOLVED,)
         self._scale_into = [(LIMIT, limit) for limit in scale_into]
+        self._scale_rows: Assembly | None = None
         self._robot: Robot | None = None
         self._running_since_start = False
         self._restart()
@@ -291,8 +293,9 @@ class InteractionController:
         if problem.hard is not None:
             scale = _shortened(x, problem.hard.A, problem.hard.lower, problem.hard.upper)
         if self._scale_into:
-            rows, _ = stack_rows(self._scale_into, robot, dt, motion, True, repr)
-            scale = min(scale, _shortened(x, *rows))
+            if self._scale_rows is None or self._scale_rows.robot is not robot:
+                self._scale_rows = Assembly(self._scale_into, robot, True, repr)
+            scale = min(scale, _shortened(x, *self._scale_rows.rows(dt, motion)))
         return scale
 
     def __repr__(self) -> str:

@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import positive_number, real_array
-from hqp_rp.control._coordinates import coordinate_index, joint_positions
-from hqp_rp.control.limit import PerJoint, checked_per_joint, identity, per_joint
+from hqp_rp.control._compiled import CompiledLimit, Layout
+from hqp_rp.control._coordinates import coordinate_index
+from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.kernels.row_kinds import BOX
+from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
 
-class JointLimit:
+class JointLimit(CompiledLimit):
     """One box `lower <= v <= upper` from position, velocity and acceleration limits; it is never empty.
 
     Per joint, with position q in [l, u], velocity limit V, acceleration limit A, step dt, and u' the velocity before::
@@ -56,18 +58,7 @@ class JointLimit:
     space", ICRA 2012, for the box from the three limits; X(d), the order in which they yield and the way back are ours.
     """
 
-    __slots__ = (
-        "_acceleration",
-        "_bound",
-        "_coordinates",
-        "_gain",
-        "_identity",
-        "_limits",
-        "_margin",
-        "_name",
-        "_position",
-        "_velocity",
-    )
+    __slots__ = ("_acceleration", "_gain", "_margin", "_name", "_position", "_velocity")
 
     def __init__(
         self,
@@ -89,42 +80,21 @@ class JointLimit:
         self._margin = real_array(margin, f"the margin of {name!r}")
         if self._margin.ndim > 1 or not ((self._margin >= 0.0) & np.isfinite(self._margin)).all():
             raise SettingError(f"the margin of {name!r} is {self._margin.tolist()}; it must be finite and >= 0.")
-        self._bound: Robot | None = None
-        self._coordinates: IntArray | None = None
-        self._identity = np.empty((0, 0))
-        self._limits: tuple[FloatArray, FloatArray, FloatArray | None] | None = None
+        self._alone = self._packed = None
 
     @property
     def name(self) -> str:
         """What levels, reports and errors call the limit."""
         return self._name
 
-    def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The identity (nv, nv), lower (nv,) and upper (nv,), rad/s or m/s; v is the velocity before this step."""
-        limits = self._limits if robot is self._bound and self._limits is not None else self._bind(robot)
-        ends, speed, acceleration = limits
-        lower, upper = -speed, speed
-        if acceleration is not None:
-            if v is None:
-                raise SettingError(
-                    f"limit {self._name!r} bounds accelerations, so it needs the velocity before this step: "
-                    "stack.problem(robot, dt, v); zeros for a robot at rest."
-                )
-            change = acceleration * dt
-            # A velocity beyond V comes back to V at once: the clip moves both bounds there.
-            lower = np.minimum(np.maximum(v - change, lower), speed)
-            upper = np.minimum(np.maximum(v + change, -speed), speed)
-        if not self._position:
-            return self._identity, lower, upper
-        distance = ends - joint_positions(robot.q, self._coordinates)
-        if acceleration is None:
-            down, up = distance * (self._gain / dt)
-        else:
-            down, up = _allowed_step(distance, self._gain, acceleration * (dt * dt)) / dt
-            up = np.maximum(down, up)  # the step grows with the distance, but rounding may swap two that are equal
-        return self._identity, np.minimum(np.maximum(down, lower), upper), np.maximum(np.minimum(up, upper), lower)
+    def _layout(self, robot: Robot) -> Layout:
+        coordinates = [-1] * robot.nv
+        if self._position:
+            index = coordinate_index(robot, f"limit {self._name!r}")
+            coordinates = list(range(robot.nv)) if index is None else index.tolist()
+        return Layout(BOX, robot.nv, coordinates, accelerated=self._acceleration is not None)
 
-    def _bind(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
         owner = f"limit {self._name!r}"
         if self._margin.ndim and len(self._margin) != robot.nv:
             raise RobotError(f"{owner}: margin has {len(self._margin)} numbers; the robot has nv = {robot.nv}.")
@@ -137,29 +107,14 @@ class JointLimit:
                 f"the range [{robot.lower[i]:g}, {robot.upper[i]:g}]; give a smaller margin."
             )
         speed = per_joint(self._velocity, robot.velocity_limit, robot, owner)
-        acceleration = None
-        if self._acceleration is not None:
-            acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, owner)
+        acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, owner)
         bounded = (least > -math.inf) | (greatest < math.inf) if self._position else np.zeros(robot.nv, dtype=bool)
-        if acceleration is None and not bounded.any() and not np.isfinite(speed).any():
+        if self._acceleration is None and not bounded.any() and not np.isfinite(speed).any():
             raise RobotError(
                 f"{owner}: the robot has no such limits and none are given; give velocity or acceleration."
             )
-        speed.flags.writeable = False
-        self._identity = identity(robot.nv)
-        self._coordinates = coordinate_index(robot, owner) if self._position else None
-        self._bound, self._limits = robot, (np.stack((least, greatest)), speed, acceleration)
-        return self._limits
+        gain = self._gain if self._position else 0.0
+        return np.concatenate(([gain], least, greatest, speed, acceleration))
 
     def __repr__(self) -> str:
         return f"JointLimit({self._name!r})"
-
-
-def _allowed_step(distance: FloatArray, gain: float, a: FloatArray) -> FloatArray:
-    """phi(d): the signed step (..., n) towards a limit at the signed distance d (..., n); a = A dt^2 (n,) or infinite."""
-    size = np.abs(distance)
-    bounded = np.isfinite(size) & np.isfinite(a)
-    d, brake = np.where(bounded, size, 0.0), np.where(bounded, a, 1.0)
-    steps = np.maximum(1.0, np.ceil((np.sqrt(1.0 + 8.0 * d / brake) - 1.0) / 2.0))
-    longest = np.where(bounded, d / steps + brake * (steps - 1.0) / 2.0, size)
-    return np.copysign(np.minimum(gain * size, longest), distance)

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import joint_indices, real_array
+from hqp_rp.control._compiled import CompiledLimit, Layout
 from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.core.kernels.row_kinds import BOX
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
@@ -40,7 +42,7 @@ class Limit(Protocol):
         ...
 
 
-class VelocityLimit:
+class VelocityLimit(CompiledLimit):
     """`-limit <= v <= limit` for every velocity.
 
     Args:
@@ -53,38 +55,30 @@ class VelocityLimit:
         RobotError: when it meets a robot that it does not fit, or one without any velocity limit and none is given.
     """
 
-    __slots__ = ("_bound", "_box", "_limit", "_name")
+    __slots__ = ("_limit", "_name")
 
     def __init__(self, limit: PerJoint = None, *, name: str = "joint velocity") -> None:
         self._name = name
         self._limit = checked_per_joint(limit, f"the limit of {name!r}")
-        self._bound: Robot | None = None
-        self._box: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        self._alone = self._packed = None
 
     @property
     def name(self) -> str:
         """What levels, reports and errors call the limit."""
         return self._name
 
-    def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The identity (nv, nv), -limit (nv,) and limit (nv,)."""
-        if self._box is None or robot is not self._bound:
-            limit = per_joint(self._limit, robot.velocity_limit, robot, f"limit {self._name!r}")
-            if not np.isfinite(limit).any():
-                raise RobotError(
-                    f"limit {self._name!r}: the robot has no velocity limit and none is given; give `limit`."
-                )
-            self._box = (identity(robot.nv), _read_only(-limit), _read_only(limit))
-            self._bound = robot
-        return self._box
+    def _layout(self, robot: Robot) -> Layout:
+        return Layout(BOX, robot.nv, [-1] * robot.nv)
+
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
+        limit = per_joint(self._limit, robot.velocity_limit, robot, f"limit {self._name!r}")
+        if not np.isfinite(limit).any():
+            raise RobotError(f"limit {self._name!r}: the robot has no velocity limit and none is given; give `limit`.")
+        unlimited = np.full(robot.nv, np.inf)
+        return np.concatenate(([0.0], -unlimited, unlimited, limit, unlimited))
 
     def __repr__(self) -> str:
         return f"VelocityLimit({self._name!r})"
-
-
-def identity(n: int) -> FloatArray:
-    """A read-only identity (n, n)."""
-    return _read_only(np.eye(n))
 
 
 def checked_per_joint(value: PerJoint, what: str) -> FloatArray | dict[str, float] | None:
@@ -113,8 +107,3 @@ def per_joint(value: FloatArray | dict[str, float] | None, default: FloatArray, 
     if value.ndim and len(value) != robot.nv:
         raise RobotError(f"{owner}: {len(value)} numbers are given; the robot has nv = {robot.nv} velocities.")
     return np.array(np.broadcast_to(value, (robot.nv,)))
-
-
-def _read_only(array: FloatArray) -> FloatArray:
-    array.flags.writeable = False
-    return array

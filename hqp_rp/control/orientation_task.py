@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import ANGULAR_AXES, WORLD, rotation
-from hqp_rp.control._rotations import rotation_log
+from hqp_rp.control._checks import ANGULAR_AXES, rotation
 from hqp_rp.control.frame_task import FrameTask
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.robot.robot import Robot
 
 
-class OrientationTask(FrameTask):
+class OrientationTask(FrameTask[FloatArray]):
     """Turn a frame R to a target R*: `R_f^T J_omega v = R_f^T feedforward + gain * e` with `e = R_f^T log(R* R^T)`.
 
     log(R* R^T) is the rotation vector, in world axes, that takes R to R*; R_f holds the axes of `expressed_in`.
@@ -31,7 +27,7 @@ class OrientationTask(FrameTask):
         frame: name of the frame.
         target: R* in the world: a rotation matrix (3, 3) from target to world, or a unit quaternion (4,) in the order
             (w, x, y, z).
-        axes: any of "rx", "ry", "rz"; one row for each, rotation about that axis.
+        axes: any of "rx", "ry", "rz"; one row for each, rotation about that axis. None means all three.
         expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
         gain: 1/s, >= 0, one number or one for each row.
         feedforward: (3,) angular velocity of the target in world axes, rad/s; None means 0.
@@ -45,52 +41,12 @@ class OrientationTask(FrameTask):
             that does not exist.
     """
 
-    __slots__ = ("_target",)
+    __slots__ = ()
 
-    def __init__(
-        self,
-        frame: str,
-        target: ArrayLike,
-        *,
-        axes: str | Sequence[str] = ANGULAR_AXES,
-        expressed_in: str = WORLD,
-        gain: ArrayLike = 1.0,
-        feedforward: ArrayLike | None = None,
-        weight: ArrayLike = 1.0,
-        name: str = "",
-    ) -> None:
-        super().__init__(
-            frame,
-            ANGULAR_AXES,
-            "orientation",
-            axes=axes,
-            expressed_in=expressed_in,
-            gain=gain,
-            feedforward=feedforward,
-            weight=weight,
-            name=name,
-        )
-        self.target = target
+    _kind, _valid, _unit = "orientation", ANGULAR_AXES, "rad/s"
 
-    @property
-    def target(self) -> FloatArray:
-        """(3, 3) R*, from target to world. A quaternion (w, x, y, z) may be assigned as well."""
-        return self._target
+    def _checked(self, target: ArrayLike) -> FloatArray:
+        return rotation(target, f"the target of {self._name!r}")
 
-    @target.setter
-    def target(self, value: ArrayLike) -> None:
-        self._target = rotation(value, f"the target of {self._name!r}")
-
-    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        R = robot.pose(self._frame)[0]
-        J = robot.jacobian(self._frame)[3:]
-        error = rotation_log(self._target.dot(R.T))
-        feedforward = self._feedforward
-        R_f = self._axes_rotation(robot, R)
-        if R_f is not None:
-            J, error = R_f.T @ J, R_f.T @ error
-            feedforward = None if feedforward is None else R_f.T @ feedforward
-        if self._rows == 3 and isinstance(self._index, slice):
-            return J, error, feedforward
-        index = self._index
-        return J[index], error[index], None if feedforward is None else feedforward[index]
+    def _pose(self) -> tuple[FloatArray, None]:
+        return self._target, None

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector, frame_name
+from hqp_rp.control._compiled import Layout
 from hqp_rp.control._rotations import skew
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.kernels.row_kinds import POINTING
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
@@ -80,6 +80,7 @@ class PointingTask(FeedbackTask):
     @direction.setter
     def direction(self, value: ArrayLike) -> None:
         self._direction = _direction(value, f"the direction of {self._name!r}")
+        self._packed = None
 
     @property
     def feedforward(self) -> FloatArray | None:
@@ -91,20 +92,18 @@ class PointingTask(FeedbackTask):
         self._feedforward = (
             None if value is None else finite_vector(value, 3, f"the feedforward of {self._name!r}", "rad/s")
         )
+        self._packed = None
 
-    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        B: FloatArray = robot.pose(self._frame)[0] @ self._basis
-        # d in the basis (b1, b2, a): a x d = -d2 b1 + d1 b2, and a . d is the third component.
-        d1, d2, cosine = (self._direction @ B).tolist()
-        sine = math.hypot(d1, d2)
-        if sine > 0.0:
-            factor = math.atan2(sine, cosine) / sine
-            error = np.array((-factor * d2, factor * d1))
-        else:
-            error = np.array((0.0 if cosine > 0.0 else math.pi, 0.0))
-        across: FloatArray = B[:, :2].T
-        feedforward = None if self._feedforward is None else across @ self._feedforward
-        return across @ robot.jacobian(self._frame)[3:], error, feedforward
+    def _layout(self, robot: Robot) -> Layout:
+        return Layout(POINTING, 2, [], self._frame)
+
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
+        numbers = self._pack(layout, 15)
+        if self._feedforward is not None:
+            numbers[4:7] = self._feedforward
+        numbers[7:16] = self._basis.ravel()
+        numbers[16:] = self._direction
+        return numbers
 
 
 def _direction(value: ArrayLike, what: str) -> FloatArray:

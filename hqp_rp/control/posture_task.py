@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import joint_indices, real_array
+from hqp_rp.control._compiled import Layout
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.core.kernels.row_kinds import POSTURE
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.robot import Robot
 
@@ -35,7 +37,7 @@ class PostureTask(FeedbackTask):
         RobotError: when it meets a robot without such a joint, or with another size of q.
     """
 
-    __slots__ = ("_bound", "_feedforward", "_indices", "_joints", "_matrix", "_target")
+    __slots__ = ("_bound", "_feedforward", "_indices", "_joints", "_target")
 
     def __init__(
         self,
@@ -48,8 +50,7 @@ class PostureTask(FeedbackTask):
         name: str = "",
     ) -> None:
         self._bound: Robot | None = None
-        self._matrix: FloatArray | None = None
-        self._indices: IntArray | None = None
+        self._indices: IntArray = np.empty(0, dtype=np.int64)
         if joints is not None and (isinstance(joints, str) or not len(joints)):
             raise SettingError(f"joints is {joints!r}; give a sequence of joint names or velocity indices, or None.")
         self._joints = None if joints is None else tuple(joints)
@@ -84,6 +85,7 @@ class PostureTask(FeedbackTask):
             )
         array.flags.writeable = False
         self._target = array
+        self._packed = None
 
     @property
     def feedforward(self) -> FloatArray | None:
@@ -92,6 +94,7 @@ class PostureTask(FeedbackTask):
 
     @feedforward.setter
     def feedforward(self, value: ArrayLike | None) -> None:
+        self._packed = None
         if value is None:
             self._feedforward = None
             return
@@ -104,31 +107,33 @@ class PostureTask(FeedbackTask):
         array.flags.writeable = False
         self._feedforward = array
 
-    def _bind(self, robot: Robot) -> FloatArray:
-        """The rows of the identity for this robot, once the sizes are seen to fit it."""
+    def _layout(self, robot: Robot) -> Layout:
+        self._bind(robot)
+        return Layout(POSTURE, len(self._indices), self._indices.tolist(), difference=robot.nq != robot.nv)
+
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
+        if robot is not self._bound:
+            self._bind(robot)
+        m = layout.rows
+        numbers = self._pack(layout, 2 * m)
+        if self._feedforward is not None:
+            numbers[2 * m : 3 * m] = self._feedforward
+        if not layout.difference:  # all joints are hinges and slides, and the difference is the plain one
+            numbers[3 * m :] = self._target[self._indices]
+        return numbers
+
+    def _bind(self, robot: Robot) -> None:
+        """Find the chosen joints of this robot, once the sizes are seen to fit it."""
         owner = f"task {self._name!r}"
         if len(self._target) != robot.nq:
             raise RobotError(
                 f"{owner}: the target has shape {self._target.shape}, the robot has nq = {robot.nq}; give a whole "
                 "configuration, such as robot.neutral."
             )
-        if self._joints is None:
-            indices = np.arange(robot.nv)
-        else:
-            indices = joint_indices(robot, self._joints, owner)
+        indices = np.arange(robot.nv) if self._joints is None else joint_indices(robot, self._joints, owner)
         rows = len(indices)
         for what, value in (("gain", self._gain), ("weight", self._weight), ("feedforward", self._feedforward)):
             if isinstance(value, np.ndarray) and len(value) != rows:
                 raise RobotError(f"{owner}: {what} has shape {value.shape}; on this robot the task has {rows} rows.")
-        matrix: FloatArray = np.eye(robot.nv)[indices]
-        matrix.flags.writeable = False
-        self._bound, self._rows, self._matrix = robot, rows, matrix
-        self._indices = None if self._joints is None else indices
-        return matrix
-
-    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        matrix = self._matrix if robot is self._bound and self._matrix is not None else self._bind(robot)
-        # Where q has as many entries as v, all joints are hinges and slides, and the difference is the plain one.
-        plain = len(self._target) == len(matrix[0])
-        error = self._target - robot.q if plain else robot.difference(robot.q, self._target)
-        return matrix, error if self._indices is None else error[self._indices], self._feedforward
+        self._bound, self._rows, self._indices = robot, rows, indices
+        self._packed = None

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_rows, finite_vector, positive_number, real_array
+from hqp_rp.control._compiled import CompiledRows
 from hqp_rp.control.admittance import AdmittanceLaw
 from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import Wrench
@@ -190,6 +191,11 @@ class Reference(abc.ABC):
     def jacobian(self, robot: Robot) -> FloatArray:
         """(m, nv) geometric Jacobian along the chosen axes, before the weight."""
         return self._twist.jacobian(robot)
+
+    @property
+    def compiled(self) -> CompiledRows | None:
+        """The task that carries the rate; None where a subclass has an `evaluate` of its own."""
+        return self._twist.compiled if type(self).evaluate is Reference.evaluate else None
 
     def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
         """Jacobian (m, nv) and rate (m,), both scaled by the weight."""

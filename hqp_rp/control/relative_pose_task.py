@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import TWIST_AXES, axis_rows, finite_vector, frame_name, pose
-from hqp_rp.control._rotations import rotation_log, skew
+from hqp_rp.control._checks import TWIST_AXES, axis_numbers, axis_rows, finite_vector, frame_name, pose
+from hqp_rp.control._compiled import Layout
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.kernels.row_kinds import RELATIVE
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
@@ -42,7 +42,7 @@ class RelativePoseTask(FeedbackTask):
         SettingError: a value of the wrong shape, not finite, or out of its range; frame and reference the same.
     """
 
-    __slots__ = ("_axes", "_feedforward", "_frame", "_index", "_reference", "_target")
+    __slots__ = ("_axes", "_feedforward", "_frame", "_reference", "_target")
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class RelativePoseTask(FeedbackTask):
         if frame == reference:
             raise SettingError(f"frame and reference are both {frame!r}, which never moves in itself; give two frames.")
         label = name or f"{frame} in {reference}"
-        self._axes, self._index = axis_rows(axes, TWIST_AXES, f"axes of {label!r}")
+        self._axes, _ = axis_rows(axes, TWIST_AXES, f"axes of {label!r}")
         super().__init__(len(self._axes), label, gain, weight)
         self.target = target
         self.feedforward = feedforward
@@ -84,6 +84,7 @@ class RelativePoseTask(FeedbackTask):
     @target.setter
     def target(self, value: tuple[ArrayLike, ArrayLike] | ArrayLike) -> None:
         self._target = pose(value, f"the target of {self._name!r}")
+        self._packed = None
 
     @property
     def feedforward(self) -> FloatArray | None:
@@ -95,18 +96,16 @@ class RelativePoseTask(FeedbackTask):
         self._feedforward = (
             None if value is None else finite_vector(value, 6, f"the feedforward of {self._name!r}", "m/s and rad/s")
         )
+        self._packed = None
 
-    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        R_a, p_a = robot.pose(self._reference)
-        R_b, p_b = robot.pose(self._frame)
-        J_a, J_b = robot.jacobian(self._reference), robot.jacobian(self._frame)
-        R, p = self._target
-        between = p_b - p_a
-        error = np.empty(6)
-        error[:3] = p - R_a.T @ between
-        error[3:] = rotation_log(R @ (R_b.T @ R_a))
-        J = np.empty((6, robot.nv))
-        J[:3] = R_a.T @ (J_b[:3] - J_a[:3] + skew(between) @ J_a[3:])
-        J[3:] = R_a.T @ (J_b[3:] - J_a[3:])
-        index, feedforward = self._index, self._feedforward
-        return J[index], error[index], None if feedforward is None else feedforward[index]
+    def _layout(self, robot: Robot) -> Layout:
+        return Layout(RELATIVE, len(self._axes), axis_numbers(self._axes), self._frame, self._reference)
+
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
+        numbers, own = self._pack(layout, 18), 2 * layout.rows
+        if self._feedforward is not None:
+            numbers[own : own + 6] = self._feedforward
+        rotation, origin = self._target
+        numbers[own + 6 : own + 15] = rotation.ravel()
+        numbers[own + 15 :] = origin
+        return numbers

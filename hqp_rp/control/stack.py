@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.control._assembly import LIMIT, MINK_TASK, TASK, Assembly
 from hqp_rp.control._checks import check_frames, positive_number
-from hqp_rp.control._rows import LIMIT, MINK_TASK, TASK, stack_rows
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
-from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.robot.robot import Robot
 
@@ -56,10 +56,10 @@ class Stack:
         "_items",
         "_levels",
         "_limits",
+        "_met",
         "_names",
         "_needs_dt",
         "_offsets",
-        "_robot",
         "_two_sided",
     )
 
@@ -84,7 +84,7 @@ class Stack:
         self._names = _level_names(names, adapted)
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
-        self._robot: Robot | None = None
+        self._met: tuple[Assembly | None, Assembly | None] = (None, None)
         self._counts: list[int] = []
         self._offsets: IntArray = np.zeros(1, dtype=np.int64)
 
@@ -118,8 +118,7 @@ class Stack:
             RobotError: a frame or joint that the robot does not have.
             ProblemError: rows that do not fit together or are not finite; it names the level and the item.
         """
-        if robot is not self._robot:
-            self._meet(robot)
+        assembly, hard_assembly = self._assemblies(robot)
         if dt is not None:
             dt = positive_number(dt, "dt")
         elif self._needs_dt:
@@ -129,21 +128,92 @@ class Stack:
         if self._configurations is not None:
             self._configurations.expire()
 
-        (matrix, lower, upper), counts = stack_rows(self._items, robot, dt, v, self._two_sided, self._where)
-        if counts != self._counts:
-            ends = np.cumsum([0, *counts])
-            self._offsets = np.array([0, *ends[self._ends]], dtype=np.int64)
-            self._counts = counts
+        matrix, lower, upper = assembly.rows(dt, v)
+        offsets = self._offsets_of(assembly)
         hard = None
-        if self._hard:
-            rows, _ = stack_rows(self._hard, robot, dt, v, True, self._where)
+        if hard_assembly is not None:
+            rows = hard_assembly.rows(dt, v)
             for array in rows:
-                array.flags.writeable = False
+                array.setflags(write=False)
             hard = Level._view(*rows, "limits")
-        return Problem.from_stacked(matrix, lower, upper, self._offsets, names=self._names, hard=hard, check=False)
+        return Problem.from_stacked(matrix, lower, upper, offsets, names=self._names, hard=hard, check=False)
 
-    def _meet(self, robot: Robot) -> None:
-        """Check that the robot has what the items name."""
+    def batch(
+        self,
+        robot: Robot,
+        q: ArrayLike,
+        dt: float | None = None,
+        v: ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+    ) -> tuple[FloatArray, FloatArray, FloatArray | None, IntArray]:
+        """The problems at many configurations, as `hqp_rp.solve_batch` takes them: A, lower, upper, offsets.
+
+        Where all items are the library's own tasks, their rows come from one compiled call; on a robot made from a `DHArm`
+        its kinematics do as well (see `hqp_rp.robot.frame_batch`). Otherwise the robot is moved from one configuration to
+        the next. It is put back where it was.
+
+        Args:
+            robot: any `Robot`. q: (N, nq) configurations, N >= 1.
+            dt, v: as for `problem`; v (nv,) for all.
+            threads: how many share compiled work; None means one for each core.
+
+        Returns A (N, M, nv), lower (N, M), upper (N, M) or None where every row is an equality, and offsets (p + 1,).
+
+        Raises:
+            SettingError: a stack with hard limits, which a batch cannot hold; otherwise as `problem`.
+            RobotError: q of another shape or not finite; otherwise as `problem`.
+            ProblemError: an item whose number of rows differs between the configurations; otherwise as `problem`.
+        """
+        assembly, hard = self._assemblies(robot)
+        if hard is not None:
+            raise SettingError(
+                f"{self!r} has hard limits, which a batch cannot hold; list them as a level, or call problem() for each q."
+            )
+        configurations = np.array(q, dtype=np.float64)
+        if configurations.ndim != 2 or configurations.shape[1] != robot.nq or not len(configurations):
+            raise RobotError(f"q has shape {configurations.shape}; it must be (N, {robot.nq}) with N at least 1.")
+        if assembly.is_compiled and not self._needs_dt:
+            if not np.isfinite(configurations).all():
+                i, j = np.argwhere(~np.isfinite(configurations))[0]
+                raise RobotError(f"q[{i}, {j}] is {configurations[i, j]}; every entry must be finite.")
+            A, lower = assembly.many(configurations, threads)
+            return A, lower, None, self._offsets_of(assembly)
+        before = robot.q
+        try:
+            problems = []
+            for configuration in configurations:
+                robot.update(configuration)
+                problems.append(self.problem(robot, dt, v))
+        finally:
+            robot.update(before)
+        offsets = problems[0].offsets
+        for i, problem in enumerate(problems):
+            if not np.array_equal(problem.offsets, offsets):
+                raise ProblemError(
+                    f"At q[{i}] the levels end at rows {problem.offsets[1:].tolist()}, at q[0] at {offsets[1:].tolist()}; a "
+                    "batch needs the same rows everywhere. Call problem() for each q."
+                )
+        A, lower, upper = (
+            np.stack([getattr(problem, name) for problem in problems]) for name in ("matrix", "lower", "upper")
+        )
+        return A, lower, None if all(problem.is_equality for problem in problems) else upper, offsets
+
+    def _assemblies(self, robot: Robot) -> tuple[Assembly, Assembly | None]:
+        assembly, hard = self._met
+        if assembly is None or assembly.robot is not robot:
+            assembly, hard = self._met = self._meet(robot)
+        return assembly, hard
+
+    def _offsets_of(self, assembly: Assembly) -> IntArray:
+        if assembly.counts is not self._counts:
+            ends = np.cumsum([0, *assembly.counts])
+            self._offsets = np.array([0, *ends[self._ends]], dtype=np.int64)
+            self._counts = assembly.counts
+        return self._offsets
+
+    def _meet(self, robot: Robot) -> tuple[Assembly, Assembly | None]:
+        """What makes the rows on this robot, once it is seen to have what the items name."""
         if not isinstance(robot, Robot):
             raise RobotError(
                 f"robot is a {type(robot).__name__}; give a robot with the methods of hqp_rp.robot.Robot, such as a "
@@ -151,7 +221,8 @@ class Stack:
             )
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
-        self._robot = robot
+        hard = Assembly(self._hard, robot, True, self._where) if self._hard else None
+        return Assembly(self._items, robot, self._two_sided, self._where), hard
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import abc
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import per_row
+from hqp_rp.control._compiled import CompiledTask, Layout
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
@@ -31,7 +31,7 @@ class Task(Protocol):
         ...
 
 
-class FeedbackTask(abc.ABC):
+class FeedbackTask(CompiledTask):
     """A task with an error to drive to zero: `J v = feedforward + gain * error`, rows scaled by `weight`.
 
     The error is what is missing (target minus actual). With a constant target, d(error)/dt = -J v unless the task's own
@@ -51,14 +51,11 @@ class FeedbackTask(abc.ABC):
     __slots__ = ("_gain", "_name", "_rows", "_weight")
 
     def __init__(self, rows: int | None, name: str, gain: ArrayLike, weight: ArrayLike) -> None:
+        self._alone = None
         self._rows = rows
         self._name = str(name)
         self.gain = gain
         self.weight = weight
-
-    @abc.abstractmethod
-    def _terms(self, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Jacobian (m, nv), error (m,) and feed-forward (m,) or None, before the weight."""
 
     @property
     def name(self) -> str:
@@ -78,6 +75,7 @@ class FeedbackTask(abc.ABC):
     @gain.setter
     def gain(self, value: ArrayLike) -> None:
         self._gain = per_row(value, self._rows, f"the gain of {self._name!r}", positive=False)
+        self._packed = None
 
     @property
     def weight(self) -> float | FloatArray:
@@ -87,25 +85,19 @@ class FeedbackTask(abc.ABC):
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
         self._weight = per_row(value, self._rows, f"the weight of {self._name!r}", positive=True)
+        self._packed = None
 
     def error(self, robot: Robot) -> FloatArray:
         """(m,) target minus actual at the robot's current configuration, before the weight."""
-        return self._terms(robot)[1]
+        return self._evaluated(robot, plain=True)[1]
 
-    def jacobian(self, robot: Robot) -> FloatArray:
-        """(m, nv) Jacobian at the robot's current configuration, before the weight."""
-        return self._terms(robot)[0]
-
-    def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
-        """Jacobian (m, nv) and rate (m,) = feedforward + gain * error, both scaled by the weight."""
-        J, error, feedforward = self._terms(robot)
-        rate = self._gain * error
-        if feedforward is not None:
-            rate += feedforward
-        weight = self._weight
-        if isinstance(weight, np.ndarray):
-            return weight[:, None] * J, weight * rate
-        return (J, rate) if weight == 1.0 else (weight * J, weight * rate)
+    def _pack(self, layout: Layout, more: int) -> FloatArray:
+        """Gain and weight, m numbers each, then 0 for `more` numbers."""
+        m = layout.rows
+        numbers = np.zeros(2 * m + more)
+        numbers[:m] = self._gain
+        numbers[m : 2 * m] = self._weight
+        return numbers
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._name!r})"

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_rows, finite_vector, frame_name, per_row
+from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_numbers, axis_rows, finite_vector, frame_name, per_row
+from hqp_rp.control._compiled import CompiledTask, Layout
+from hqp_rp.core.kernels.row_kinds import TWIST
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
 
-class TwistTask:
+class TwistTask(CompiledTask):
     """Move a frame at a given velocity along chosen axes: `(R_f^T J)[axes] v = velocity`.
 
     J is the geometric Jacobian (velocity of the frame's origin over angular velocity) and R_f holds the axes of
@@ -35,7 +37,7 @@ class TwistTask:
             exist.
     """
 
-    __slots__ = ("_axes", "_expressed_in", "_frame", "_index", "_name", "_velocity", "_weight")
+    __slots__ = ("_axes", "_expressed_in", "_frame", "_name", "_velocity", "_weight")
 
     def __init__(
         self,
@@ -47,10 +49,11 @@ class TwistTask:
         weight: ArrayLike = 1.0,
         name: str = "",
     ) -> None:
+        self._alone = None
         self._frame = frame_name(frame, "frame")
         self._expressed_in = frame_name(expressed_in, "expressed_in")
         self._name = name or f"{frame} twist"
-        self._axes, self._index = axis_rows(axes, TWIST_AXES, f"axes of {self._name!r}")
+        self._axes, _ = axis_rows(axes, TWIST_AXES, f"axes of {self._name!r}")
         self._weight = per_row(weight, len(self._axes), f"the weight of {self._name!r}", positive=True)
         self.velocity = np.zeros(len(self._axes)) if velocity is None else velocity
 
@@ -77,21 +80,18 @@ class TwistTask:
     @velocity.setter
     def velocity(self, value: ArrayLike) -> None:
         self._velocity = finite_vector(value, len(self._axes), f"the velocity of {self._name!r}", "m/s and rad/s")
+        self._packed = None
 
-    def jacobian(self, robot: Robot) -> FloatArray:
-        """(k, nv) geometric Jacobian along the chosen axes, before the weight."""
-        J = robot.jacobian(self._frame)
-        if self._expressed_in != WORLD:
-            R_f = robot.pose(self._expressed_in)[0]
-            J = np.concatenate((R_f.T @ J[:3], R_f.T @ J[3:]))
-        return J[self._index]
+    def _layout(self, robot: Robot) -> Layout:
+        axes = None if self._expressed_in == WORLD else self._expressed_in
+        return Layout(TWIST, len(self._axes), axis_numbers(self._axes), self._frame, axes)
 
-    def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
-        """Jacobian (k, nv) and rate (k,), both scaled by the weight."""
-        J, weight = self.jacobian(robot), self._weight
-        if isinstance(weight, np.ndarray):
-            return weight[:, None] * J, weight * self._velocity
-        return (J, self._velocity) if weight == 1.0 else (weight * J, weight * self._velocity)
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
+        m = layout.rows
+        numbers = np.zeros(3 * m)
+        numbers[m : 2 * m] = self._weight
+        numbers[2 * m :] = self._velocity
+        return numbers
 
     def __repr__(self) -> str:
         return f"TwistTask({self._name!r})"

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import dataclasses
-import os
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hqp_rp.core.errors import ProblemError, SettingError
+from hqp_rp.core.errors import ProblemError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Status
 from hqp_rp.core.solver import Solver, get_solver
+from hqp_rp.core.threads import in_shares
 
 _STATUSES = tuple(Status)
 
@@ -76,30 +75,16 @@ def solve_batch(
     _check(matrix, low, up, starts)
     count, _, n = matrix.shape
     free = _free_vectors(secondary, count, n)
-    workers = os.cpu_count() or 1 if threads is None else threads
-    if not isinstance(workers, int) or workers < 1:
-        raise SettingError(f"threads is {threads!r}; it must be None or an integer of at least 1.")
     method = get_solver(solver, **settings)
     x = np.empty((count, n))
     codes = np.zeros(count, dtype=np.uint8)
-    if count:
-        equality = low is up or np.array_equal(low, up)
-        shares = np.array_split(np.arange(count), min(workers, count))
-        spans = [slice(int(share[0]), int(share[-1]) + 1) for share in shares]
+    equality = low is up or np.array_equal(low, up)
 
-        def work(span: slice) -> None:
-            own = free if len(free) == 1 else free[span]
-            method.solve_many(
-                matrix[span], low[span], None if equality else up[span], starts, own, x[span], codes[span]
-            )
+    def work(span: slice) -> None:
+        own = free if len(free) == 1 else free[span]
+        method.solve_many(matrix[span], low[span], None if equality else up[span], starts, own, x[span], codes[span])
 
-        if len(spans) == 1:
-            work(spans[0])
-        else:
-            work(slice(0, 1))  # compiles, once, before threads start
-            with concurrent.futures.ThreadPoolExecutor(len(spans)) as pool:
-                for done in [pool.submit(work, span) for span in spans]:
-                    done.result()
+    in_shares(work, count, threads)
     return BatchSolution(x, codes)
 
 

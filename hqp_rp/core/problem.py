@@ -135,26 +135,9 @@ class Problem:
     Source: equations (2), (9) of the paper; Escande, Mansard and Wieber 2014 for two-sided rows at any level.
     """
 
-    __slots__ = (
-        "_levels",
-        "_with_hard",
-        "hard",
-        "is_equality",
-        "lower",
-        "matrix",
-        "n",
-        "names",
-        "offsets",
-        "p",
-        "stacked",
-        "upper",
-    )
+    __slots__ = ("_levels", "_public", "_with_hard", "hard", "is_equality", "n", "names", "p", "stacked")
 
     stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray]
-    matrix: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    offsets: IntArray
     names: tuple[str, ...]
     hard: Level | None
     n: int
@@ -215,19 +198,47 @@ class Problem:
         hard: Level | None,
         equality: bool,
     ) -> None:
-        matrix, lower, upper, offsets = (_frozen(array.view()) for array in stacked)
-        public = (matrix, lower, lower if stacked[2] is stacked[1] else upper, offsets)
         set_ = object.__setattr__
         set_(self, "stacked", stacked)
-        for name, array in zip(("matrix", "lower", "upper", "offsets"), public, strict=True):
-            set_(self, name, array)
         set_(self, "names", names)
         set_(self, "hard", hard)
         set_(self, "n", stacked[0].shape[1])
         set_(self, "p", len(stacked[3]) - 1)
         set_(self, "is_equality", equality)
+        set_(self, "_public", None)
         set_(self, "_levels", None)
         set_(self, "_with_hard", None)
+
+    def _read_only(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """Read-only views of `stacked`, made when first asked for: a control loop's solvers need none."""
+        public: tuple[FloatArray, FloatArray, FloatArray, IntArray] | None = self._public  # type: ignore[attr-defined]
+        if public is None:
+            matrix, lower, upper, offsets = self.stacked
+            low = _frozen(lower.view())
+            high = low if upper is lower else _frozen(upper.view())
+            public = (_frozen(matrix.view()), low, high, _frozen(offsets.view()))
+            object.__setattr__(self, "_public", public)
+        return public
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(M, n), all levels stacked, C-contiguous and read-only."""
+        return self._read_only()[0]
+
+    @property
+    def lower(self) -> FloatArray:
+        """(M,) lower bounds, read-only; -inf means none."""
+        return self._read_only()[1]
+
+    @property
+    def upper(self) -> FloatArray:
+        """(M,) upper bounds, read-only; +inf means none. The same array as `lower` where one was given for both."""
+        return self._read_only()[2]
+
+    @property
+    def offsets(self) -> IntArray:
+        """(p + 1,) int64: level k (from 0) holds rows `offsets[k]:offsets[k + 1]`; read-only."""
+        return self._read_only()[3]
 
     @property
     def levels(self) -> tuple[Level, ...]:
@@ -240,7 +251,7 @@ class Problem:
 
     @property
     def with_hard(self) -> Stacked:
-        """The stacked arrays with the hard rows (none: an empty level) as level 0, for compiled kernels; do not write to them."""
+        """`stacked` with the hard rows (none: an empty level) as level 0; do not write to it."""
         found: Stacked | None = self._with_hard  # type: ignore[attr-defined]
         if found is None:
             matrix, lower, upper, offsets = self.stacked

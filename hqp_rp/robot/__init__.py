@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hqp_rp.robot.arms import planar_arm, sawyer
+    from hqp_rp.robot.batch import FrameBatch, frame_batch
     from hqp_rp.robot.dh import DHArm, Link
     from hqp_rp.robot.model_file import load_robot
     from hqp_rp.robot.mujoco_arm import arm_spec
@@ -14,11 +15,25 @@ if TYPE_CHECKING:
     from hqp_rp.robot.pinocchio_robot import PinocchioRobot
     from hqp_rp.robot.robot import Robot
 
-__all__ = ["DHArm", "Link", "MujocoRobot", "PinocchioRobot", "Robot", "arm_spec", "load_robot", "planar_arm", "sawyer"]
+__all__ = [
+    "DHArm",
+    "FrameBatch",
+    "Link",
+    "MujocoRobot",
+    "PinocchioRobot",
+    "Robot",
+    "arm_spec",
+    "frame_batch",
+    "load_robot",
+    "planar_arm",
+    "sawyer",
+]
 
 # A robot library is imported when its adapter is first used, and never by `import hqp_rp.robot`.
 _LAZY = {
     "DHArm": "dh",
+    "FrameBatch": "batch",
+    "frame_batch": "batch",
     "Link": "dh",
     "MujocoRobot": "mujoco_robot",
     "PinocchioRobot": "pinocchio_robot",

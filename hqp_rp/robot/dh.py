@@ -1,7 +1,7 @@
-"""Serial arms from Denavit-Hartenberg rows, as plain data with closed-form kinematics in numpy.
+"""Serial arms from Denavit-Hartenberg rows, as plain data with closed-form kinematics.
 
 A `DHArm` is the one source from which the MuJoCo and the Pinocchio model of an arm are made; its own kinematics are a
-third, independent computation of poses and Jacobians, vectorised over configurations.
+third, independent computation of poses and Jacobians, of any number of configurations in one compiled call.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.threads import in_shares
 
 _PER_JOINT = (
     "d",
@@ -31,6 +32,10 @@ _PER_JOINT = (
     "servo_gain",
     "neutral",
 )
+
+
+# Configurations that take longer than a thread to start: about half a millisecond.
+_WORTH_A_THREAD = 2000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -175,9 +180,7 @@ class DHArm:
 
         Raises `RobotError` on an unknown frame, a wrong last dimension or a value that is not finite.
         """
-        index = self._index(frame)
-        rotations, origins = self._chain(self._checked(q), index)
-        return rotations[-1], origins[-1]
+        return self.kinematics(q, frame)[:2]
 
     def jacobian(self, q: ArrayLike, frame: str = "tool") -> FloatArray:
         """(..., 6, n) geometric Jacobian of `frame` in world axes, for q (..., n) rad.
@@ -185,34 +188,43 @@ class DHArm:
         Column k, for every joint k at or before the frame: `[z_k x (p - o_k); z_k]`, with z_k and o_k axis and origin
         of joint k and p the frame's origin; zero for later joints. Linear rows (m/rad) first. Errors as `pose`.
         """
+        return self.kinematics(q, frame)[2]
+
+    def kinematics(
+        self, q: ArrayLike, frame: str = "tool", *, threads: int | None = 1
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rotation (..., 3, 3), origin (..., 3) m and Jacobian (..., 6, n) of `frame`, for q (..., n) rad, in one call.
+
+        Eight configurations are computed side by side, each of them as if it were alone.
+
+        Args:
+            q: (..., n) rad. frame: one of `frame_names`.
+            threads: how many share the configurations, at most; None means one for each core.
+
+        Raises `RobotError` as `pose`, and `SettingError` for threads that are no number of threads.
+        """
+        from hqp_rp.core.kernels.serial_arm import serial_arm
+
         index = self._index(frame)
         q = self._checked(q)
-        rotations, origins = self._chain(q, index)
-        jacobian = np.zeros((*q.shape[:-1], 6, self.n))
-        for k in range(min(index + 1, self.n)):
-            axis = rotations[k][..., 2]
-            jacobian[..., :3, k] = np.cross(axis, origins[-1] - origins[k])
-            jacobian[..., 3:, k] = axis
-        return jacobian
+        Q = q.reshape(-1, self.n)
+        rotations, origins = np.empty((len(Q), 3, 3)), np.empty((len(Q), 3))
+        jacobians = np.empty((len(Q), 6, self.n))
 
-    def _chain(self, q: FloatArray, last: int) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Rotations and origins of the frames 0 ... last (link1, ..., tool), each over the leading axes of q."""
-        x = np.broadcast_to([1.0, 0.0, 0.0], (*q.shape[:-1], 3))
-        y = np.broadcast_to([0.0, 1.0, 0.0], x.shape)
-        z = np.broadcast_to([0.0, 0.0, 1.0], x.shape)
-        origin = np.zeros(x.shape)
-        rotations, origins = [], []
-        for i in range(last + 1):
-            if i < self.n:
-                c, s = np.cos(q[..., i, None]), np.sin(q[..., i, None])
-                x, y = c * x + s * y, c * y - s * x
-            rotations.append(np.stack([x, y, z], axis=-1))
-            origins.append(origin)
-            if i < self.n:
-                origin = origin + self.d[i] * z + self.a[i] * x
-                c_alpha, s_alpha = math.cos(self.alpha[i]), math.sin(self.alpha[i])
-                y, z = c_alpha * y + s_alpha * z, c_alpha * z - s_alpha * y
-        return rotations, origins
+        def work(span: slice) -> None:
+            serial_arm(Q[span], *self._rows, index, rotations[span], origins[span], jacobians[span])
+
+        in_shares(work, len(Q), threads, least=_WORTH_A_THREAD)
+        return (
+            rotations.reshape(*q.shape[:-1], 3, 3),
+            origins.reshape(*q.shape[:-1], 3),
+            jacobians.reshape(*q.shape[:-1], 6, self.n),
+        )
+
+    @functools.cached_property
+    def _rows(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """d, a, cos(alpha), sin(alpha), each (n,)."""
+        return np.array(self.d), np.array(self.a), np.cos(self.alpha), np.sin(self.alpha)
 
     def _index(self, frame: str) -> int:
         names = self.frame_names
@@ -221,7 +233,7 @@ class DHArm:
         return names.index(frame)
 
     def _checked(self, q: ArrayLike) -> FloatArray:
-        values = np.asarray(q, dtype=np.float64)
+        values = np.array(q, dtype=np.float64)  # a copy: kernels take writable arrays
         if values.ndim < 1 or values.shape[-1] != self.n:
             raise RobotError(f"q has shape {values.shape}; the arm {self.name!r} takes (..., {self.n}).")
         if not np.isfinite(values).all():

@@ -1,7 +1,8 @@
-"""Names of frames, and the checks of configurations, shared by the robot adapters."""
+"""Names of frames, their poses and Jacobians in arrays, and the checks of configurations: what the robot adapters share."""
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Iterable, Mapping
 
@@ -10,6 +11,9 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.robot import Robot
+
+_FLOAT64 = np.dtype(np.float64)
 
 
 class FrameTable:
@@ -54,9 +58,77 @@ class FrameTable:
         return RobotError(str(unknown_name(f"frame of {robot}", name, self.index)))
 
 
+class Point(enum.Enum):
+    """A point that is asked for like a frame; its axes are the world's."""
+
+    CENTER_OF_MASS = "centre of mass"
+
+
+class Frames:
+    """Poses and Jacobians of some frames of a robot, in arrays that `read` brings up to date.
+
+    Args:
+        robot: any `Robot`. names: of the frames, or `Point.CENTER_OF_MASS`.
+
+    Attributes:
+        names: (F,) as given. rotations: (F, 3, 3) to the world. origins: (F, 3) m.
+        jacobians: (F, 6, nv), linear over angular velocity, both in world axes, as `Robot.jacobian`; of the centre of
+            mass the angular half is 0.
+    """
+
+    def __init__(self, robot: Robot, names: tuple[str | Point, ...]) -> None:
+        self._robot, self.names = robot, names
+        self.rotations = np.tile(np.eye(3), (len(names), 1, 1))
+        self.origins = np.zeros((len(names), 3))
+        self.jacobians = np.zeros((len(names), 6, robot.nv))
+
+    def read(self) -> None:
+        """Fill the arrays for the robot's current configuration. Raises `RobotError` for arrays of a wrong shape."""
+        robot = self._robot
+        for f, name in enumerate(self.names):
+            if isinstance(name, Point):
+                self.origins[f] = robot.center_of_mass()
+                self.jacobians[f, :3] = robot.center_of_mass_jacobian()
+                continue
+            rotation, origin = robot.pose(name)
+            jacobian = robot.jacobian(name)
+            if jacobian.shape != self.jacobians[f].shape or rotation.shape != (3, 3) or origin.shape != (3,):
+                raise RobotError(
+                    f"{robot!r} gives for the frame {name!r} a rotation {rotation.shape}, an origin {origin.shape} and a "
+                    f"Jacobian {jacobian.shape}; they must be (3, 3), (3,) and {self.jacobians[f].shape}."
+                )
+            self.rotations[f], self.origins[f], self.jacobians[f] = rotation, origin, jacobian
+
+    def many(self, q: FloatArray, threads: int | None = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same at q (N, nq): rotations (N, F, 3, 3), origins (N, F, 3) and jacobians (N, F, 6, nv).
+
+        One configuration after the other, and the robot is put back; robots with a faster way override it, and use
+        `threads` threads. Errors as `Robot.update`.
+        """
+        robot = self._robot
+        shapes = (self.rotations.shape, self.origins.shape, self.jacobians.shape)
+        found = tuple(np.empty((len(q), *shape)) for shape in shapes)
+        before = robot.q
+        try:
+            for i, configuration in enumerate(q):
+                robot.update(configuration)
+                self.read()
+                for out, own in zip(found, (self.rotations, self.origins, self.jacobians), strict=True):
+                    out[i] = own
+        finally:
+            robot.update(before)
+        return found[0], found[1], found[2]
+
+
+def frames_of(robot: Robot, names: tuple[str | Point, ...]) -> Frames:
+    """The frames in the way that suits the robot: its own `frame_reader(names)` where it has one."""
+    own = getattr(robot, "frame_reader", None)
+    return Frames(robot, names) if own is None else own(names)
+
+
 def checked_vector(value: ArrayLike, size: int, what: str) -> FloatArray:
     """`value` as (size,) float64, not copied where it is one. Raises `RobotError` on a wrong size or a NaN."""
-    vector = np.asarray(value, dtype=np.float64)
+    vector = value if type(value) is np.ndarray and value.dtype is _FLOAT64 else np.asarray(value, dtype=np.float64)
     if vector.shape != (size,):
         raise RobotError(f"{what} has shape {vector.shape}; it must be ({size},).")
     # The sum is quicker than a mask; only where it is not finite are the entries looked at one by one.
@@ -102,5 +174,5 @@ def require_joints(nv: int, robot: str) -> None:
 
 def frozen(array: FloatArray) -> FloatArray:
     """The array itself, made read-only."""
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array

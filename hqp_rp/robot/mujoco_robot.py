@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.dh import DHArm
-from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen, require_joints
+from hqp_rp.robot.frames import FrameTable, Point, checked_limit, checked_vector, frozen, require_joints
 from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, urdf_velocity_limits
+from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_arm import arm_spec
+from hqp_rp.robot.mujoco_frames import MujocoFrames
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
 _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
@@ -22,7 +24,7 @@ _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
 _QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
-class MujocoRobot:
+class MujocoRobot(ModelRobot):
     """A `Robot` computed by MuJoCo.
 
     Frames are the named bodies and sites; a name borne by both is asked for as "body:NAME" or "site:NAME". The world
@@ -56,8 +58,9 @@ class MujocoRobot:
         if not isinstance(model, mujoco.MjModel):
             raise RobotError(f"model is a {type(model).__name__}; give a mujoco.MjModel, or use MujocoRobot.from_file.")
         self._model = model
+        self._nq, self._nv = int(model.nq), int(model.nv)
         self._name = f"the MuJoCo model {_model_name(model)!r}"
-        require_joints(int(model.nv), self._name)
+        require_joints(self._nv, self._name)
         self._joint_names = tuple(model.joint(j).name or f"unnamed_joint_{j}" for j in range(model.njnt))
         widths = tuple(np.diff([*model.jnt_dofadr, model.nv]).tolist())
         limit = np.inf if velocity_limit is None else velocity_limit
@@ -73,7 +76,6 @@ class MujocoRobot:
         bodies = [("body", model.body(i).name, i) for i in range(model.nbody)]
         sites = [("site", model.site(i).name, model.nbody + i) for i in range(model.nsite)]
         self._table = FrameTable([*bodies, *sites])
-        self._index = self._table.index
 
         data = mujoco.MjData(model)
         self._data = data
@@ -86,13 +88,16 @@ class MujocoRobot:
         neutral = model.qpos0 if neutral is None else neutral
         self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
         self._simulation: mujoco.MjData | None = None
+        self._arm: tuple[DHArm, FloatArray] | None = None
         self.update(self._neutral)
 
     @classmethod
     def from_arm(cls, arm: DHArm, *, timestep: float = 0.001, gravity_compensation: bool = True) -> MujocoRobot:
         """The robot of `arm_spec(arm, ...)`: see there for what the model is. Errors as `arm_spec`."""
         model = arm_spec(arm, timestep=timestep, gravity_compensation=gravity_compensation).compile()
-        return cls(model, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
+        robot = cls(model, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
+        robot._arm = arm, _geometry(model)
+        return robot
 
     @classmethod
     def from_file(
@@ -157,46 +162,10 @@ class MujocoRobot:
             self._simulation = data
         return self._simulation
 
-    @property
-    def nq(self) -> int:
-        return int(self._model.nq)
-
-    @property
-    def nv(self) -> int:
-        return int(self._model.nv)
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return self._joint_names
-
-    @property
-    def frame_names(self) -> tuple[str, ...]:
-        return self._table.names
-
-    @property
-    def lower(self) -> FloatArray:
-        return self._lower
-
-    @property
-    def upper(self) -> FloatArray:
-        return self._upper
-
-    @property
-    def velocity_limit(self) -> FloatArray:
-        return self._velocity_limit
-
-    @property
-    def neutral(self) -> FloatArray:
-        return self._neutral
-
-    @property
-    def q(self) -> FloatArray:
-        return self._q
-
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
-        self._q = frozen(self._checked(q, "q").copy())
-        self._qpos[:] = self._q
+        self._q = own = frozen(self._checked(q, "q").copy())
+        self._qpos[:] = own
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
 
@@ -213,12 +182,16 @@ class MujocoRobot:
     def jacobian(self, frame: str) -> FloatArray:
         """(6, nv): linear velocity of the frame's origin over angular velocity, both in world axes, per unit v."""
         index = self._frame(frame)
-        jacobian = np.empty((6, self._model.nv))
+        jacobian = np.empty((6, self._nv))
         if index < self._nbody:
             mujoco.mj_jacBody(self._model, self._data, jacobian[:3], jacobian[3:], index)
         else:
             mujoco.mj_jacSite(self._model, self._data, jacobian[:3], jacobian[3:], index - self._nbody)
         return jacobian
+
+    def frame_reader(self, names: tuple[str | Point, ...]) -> MujocoFrames:
+        """Poses and Jacobians of these frames in arrays that are read again and again; see `Frames`."""
+        return MujocoFrames(self, names)
 
     def center_of_mass(self) -> FloatArray:
         """(3,) centre of mass of the bodies that can move, in the world. Raises `RobotError` where nothing can."""
@@ -230,7 +203,7 @@ class MujocoRobot:
 
     def center_of_mass_jacobian(self) -> FloatArray:
         """(3, nv) velocity of that centre of mass in world axes, per unit v."""
-        jacobian = np.empty((3, self._model.nv))
+        jacobian = np.empty((3, self._nv))
         mujoco.mj_jacSubtreeCom(self._model, self._data, jacobian, 0)
         jacobian *= float(self._model.body_subtreemass[0]) / self._require_mass()
         return jacobian
@@ -238,20 +211,20 @@ class MujocoRobot:
     def mass_matrix(self) -> FloatArray:
         """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""
         mujoco.mj_makeM(self._model, self._data)
-        matrix = np.empty((self._model.nv, self._model.nv))
+        matrix = np.empty((self._nv, self._nv))
         mujoco.mj_fullM(self._model, self._data, matrix)
         return matrix
 
     def gravity(self) -> FloatArray:
         """(nv,) gravity torque g(q) in M(q) a + h(q, v) + g(q) = tau, before any gravity compensation of the model."""
-        torque = np.empty(self._model.nv)
+        torque = np.empty(self._nv)
         mujoco.mj_rne(self._model, self._data, 0, torque)
         return torque
 
     def bias(self, v: FloatArray) -> FloatArray:
         """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau, for v (nv,): Coriolis, centrifugal and gravity torques."""
-        torque = np.empty(self._model.nv)
-        self._data.qvel[:] = checked_vector(v, self.nv, "v")
+        torque = np.empty(self._nv)
+        self._data.qvel[:] = checked_vector(v, self._nv, "v")
         mujoco.mj_comVel(self._model, self._data)
         mujoco.mj_rne(self._model, self._data, 0, torque)
         # The private state is at rest for every other method.
@@ -262,29 +235,29 @@ class MujocoRobot:
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
         result = self._checked(q, "q").copy()
-        mujoco.mj_integratePos(self._model, result, checked_vector(v, self.nv, "v"), dt)
+        mujoco.mj_integratePos(self._model, result, checked_vector(v, self._nv, "v"), dt)
         return result
 
     def difference(self, q0: FloatArray, q1: FloatArray) -> FloatArray:
         """(nv,) velocity that leads from q0 to q1 in one second."""
-        velocity = np.empty(self._model.nv)
+        velocity = np.empty(self._nv)
         mujoco.mj_differentiatePos(self._model, velocity, 1.0, self._checked(q0, "q0"), self._checked(q1, "q1"))
         return velocity
 
+    def _unchanged_arm(self) -> DHArm | None:
+        """The arm that the robot was made from, while its model still has that arm's geometry; None otherwise."""
+        if self._arm is None or not np.array_equal(_geometry(self._model), self._arm[1]):
+            return None
+        return self._arm[0]
+
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q)
+        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q, self._unchanged_arm())
 
     def __repr__(self) -> str:
-        return f"MujocoRobot({_model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self._index)} frames)"
-
-    def _frame(self, frame: str) -> int:
-        try:
-            return self._index[frame]
-        except (KeyError, TypeError):
-            raise self._table.error(frame, self._name) from None
+        return f"MujocoRobot({_model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
 
     def _checked(self, q: ArrayLike, what: str) -> FloatArray:
-        vector = checked_vector(q, self._model.nq, what)
+        vector = checked_vector(q, self._nq, what)
         for start in self._quaternions:
             quaternion = vector[start : start + 4]
             if not quaternion.dot(quaternion) > _MIN_SQUARE:
@@ -297,10 +270,19 @@ class MujocoRobot:
         return self._moving_mass
 
 
-def _rebuild(model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray) -> MujocoRobot:
+def _rebuild(
+    model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray, arm: DHArm | None
+) -> MujocoRobot:
     robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral)
+    robot._arm = None if arm is None else (arm, _geometry(model))
     robot.update(q)
     return robot
+
+
+def _geometry(model: mujoco.MjModel) -> FloatArray:
+    """Every number of the model that poses and Jacobians depend on."""
+    parts = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat", "qpos0")
+    return np.concatenate([getattr(model, part).ravel() for part in parts])
 
 
 def _model_name(model: mujoco.MjModel) -> str:

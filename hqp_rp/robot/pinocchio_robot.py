@@ -15,6 +15,7 @@ from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.dh import DHArm
 from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen, require_joints
 from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, parse_urdf, require_floatable
+from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -27,7 +28,7 @@ _KINDS = {
 }
 
 
-class PinocchioRobot:
+class PinocchioRobot(ModelRobot):
     """A `Robot` computed by Pinocchio.
 
     Frames are the bodies (links), the operational frames (sites of an MJCF) and the joints; the universe is "world". A
@@ -73,7 +74,6 @@ class PinocchioRobot:
         entries = [] if "world" in links else [("body", "world", 0)]
         entries += [(_KINDS[frame.type], frame.name, i) for i, frame in enumerate(model.frames) if i > 0]
         self._table = FrameTable(entries)
-        self._index = self._table.index
         self._moving_mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
         self._below = np.tril_indices(self._nv, -1)
         # Mass matrix and centre of mass overwrite what the frame Jacobians are read from: they get data of their own.
@@ -156,42 +156,6 @@ class PinocchioRobot:
         """The `pinocchio.Model`."""
         return self._model
 
-    @property
-    def nq(self) -> int:
-        return self._nq
-
-    @property
-    def nv(self) -> int:
-        return self._nv
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return self._joint_names
-
-    @property
-    def frame_names(self) -> tuple[str, ...]:
-        return self._table.names
-
-    @property
-    def lower(self) -> FloatArray:
-        return self._lower
-
-    @property
-    def upper(self) -> FloatArray:
-        return self._upper
-
-    @property
-    def velocity_limit(self) -> FloatArray:
-        return self._velocity_limit
-
-    @property
-    def neutral(self) -> FloatArray:
-        return self._neutral
-
-    @property
-    def q(self) -> FloatArray:
-        return self._q
-
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
         normalized = self._checked(q, "q")
@@ -250,13 +214,7 @@ class PinocchioRobot:
         return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q)
 
     def __repr__(self) -> str:
-        return f"PinocchioRobot({self._model.name!r}, nq={self.nq}, nv={self.nv}, {len(self._index)} frames)"
-
-    def _frame(self, frame: str) -> int:
-        try:
-            return self._index[frame]
-        except (KeyError, TypeError):
-            raise self._table.error(frame, self._name) from None
+        return f"PinocchioRobot({self._model.name!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
 
     def _checked(self, q: ArrayLike, what: str) -> FloatArray:
         """q as Pinocchio's functions take it: checked, and normalized where the model has quaternions."""

@@ -6,9 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hqp_rp.control import JointLimit
-from hqp_rp.control.joint_limit import _allowed_step
 from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.core.kernels.box_rows import allowed_step
 from tests.control.chain import Chain, random_chain
+
+_allowed_step = np.vectorize(allowed_step)
 
 N = 8
 

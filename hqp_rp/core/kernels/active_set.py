@@ -87,8 +87,8 @@ class Room(NamedTuple):
     """Arrays that a search writes anew, few for the reason given in `Rows`.
 
     matrix (., padded n): the kept rows W of the working set, then the rows B of the level that count; factored.
-    done (M, padded n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END` and
-    the column `TURNED_AT` at which its `TURNED` columns were turned by an SVD, by turns[k] (p + 1, n, n).
+    done (M, padded n): reflectors of finished levels. marks (p + 1, 4): of each finished level, its reflectors `FIRST`:`END`
+    and the column `TURNED_AT` at which its `TURNED` columns were turned by an SVD, by turns[k] (p + 1, n, n).
     lists (5, .): `ENTERED` is W; `COUNTED` is B, or in the end the rows that a level determined; `REF_ROW`, `REF_COL` of the
     reflectors in `matrix`; `DONE_COL` of those in `done`.
     real (8, .): `ORIGIN`, which listed row stands where after the factorization's swaps; `TARGET` of each row of B;
@@ -492,7 +492,7 @@ def move(rows, room, length):
 @inlined
 def guessable(rows, r0, r1):
     """Whether every row of the level is an equality."""
-    for i in range(r0, r1):
+    for i in range(r0, r1):  # noqa: SIM110  numba compiles the loop, not the generator
         if rows.real[LOW, i] < rows.real[UP, i]:
             return False
     return True

@@ -22,11 +22,11 @@ STATE, WORKING, GUESS, CONFLICT = range(4)
 class Rows(NamedTuple):
     """M rows `low <= a_i x <= up`, stacked level by level, each level scaled by a power of two.
 
-    R: (M, padded n): rows turned by what finished levels did; the columns of the freedom they left stand last. real (6, M): bounds
-    `LOW` and `UP`, `NORM` ||a_i||, `VALUE` a_i x, its `CHANGE` along the step that is tried, and the value `BEFORE` it.
+    R: (M, padded n): rows turned by what finished levels did; the columns of the freedom they left stand last. real (6, M):
+    bounds `LOW` and `UP`, `NORM` ||a_i||, `VALUE` a_i x, its `CHANGE` along the step that is tried, and the value `BEFORE` it.
     flags (4, M): `STATE` (`WAITING`, `KEPT` or `FIXED`), `WORKING` (1 in the working set), `GUESS` (the bound at which a warm
-    start hopes to find the row: -1, 0, +1), `CONFLICT` (1 for a hard row of a contradiction). side (M,): the bound at which a row is active, -1 lower, +1 upper (an equality
-    has both), 0 none. x: (n,).
+    start hopes to find the row: -1, 0, +1), `CONFLICT` (1 for a hard row of a contradiction). side (M,): the bound at which a
+    row is active, -1 lower, +1 upper (an equality has both), 0 none. x: (n,).
 
     Few arrays, since a call passes each of them field by field, and at seven unknowns that is most of its cost.
     """
@@ -40,7 +40,7 @@ class Rows(NamedTuple):
 
 @lean
 def load_rows(A, lower, upper, offsets, rows, scale):
-    """Fill `rows` and the scale of each level; False when a number is not finite. Rows are waiting, their values not yet set."""
+    """Fill `rows`, all waiting and without values yet, and the scale of each level; False when a number is not finite."""
     n = A.shape[1]
     finite = True
     for k in range(len(offsets) - 1):

@@ -1,0 +1,136 @@
+"""Tasks and limits whose rows are made by compiled code, alone or together with those of a whole stack."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+from typing import TYPE_CHECKING
+
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.frames import Point
+from hqp_rp.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from hqp_rp.control._assembly import Assembly
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Layout:
+    """What of the rows does not change from step to step.
+
+    Attributes:
+        kind: one of `hqp_rp.core.kernels.row_kinds`. rows: m.
+        index: for each row an axis (0 ... 5), a velocity index, or, of a box, a place in q (-1: none).
+        frame: the frame that moves. axes: the frame whose axes are meant, None for the world.
+        difference: whether only the robot can subtract q from the task's `target`.
+        accelerated: whether the velocity before the step is needed.
+    """
+
+    kind: int
+    rows: int
+    index: list[int]
+    frame: str | Point | None = None
+    axes: str | None = None
+    difference: bool = False
+    accelerated: bool = False
+
+
+class CompiledRows(abc.ABC):
+    """Rows stated as numbers. Every setter must reset `_packed`."""
+
+    __slots__ = ("_alone", "_packed", "_packed_on")
+
+    _alone: Assembly | None
+    _packed: FloatArray | None
+    _packed_on: Robot
+
+    @property
+    @abc.abstractmethod
+    def name(self) -> str:
+        """What levels, reports and errors call it."""
+
+    @property
+    @abc.abstractmethod
+    def compiled(self) -> CompiledRows | None:
+        """Itself, or None where a subclass makes its rows in a way of its own."""
+
+    @abc.abstractmethod
+    def _layout(self, robot: Robot) -> Layout:
+        """What of the rows does not change on this robot."""
+
+    @abc.abstractmethod
+    def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
+        """What may be set at every step, in the order that the kind's kernel says."""
+
+    def _current(self, robot: Robot, layout: Layout) -> FloatArray:
+        """`_numbers`, made anew only when something was set or another robot asks."""
+        if self._packed is None or self._packed_on is not robot:
+            self._packed, self._packed_on = self._numbers(robot, layout), robot
+        return self._packed
+
+    def _require_velocity(self) -> None:
+        raise SettingError(
+            f"limit {self.name!r} bounds accelerations, so it needs the velocity before this step: "
+            "stack.problem(robot, dt, v); zeros for a robot at rest."
+        )
+
+    def _by_itself(self, robot: Robot, kind: int) -> Assembly:
+        alone = self._alone
+        if alone is None or alone.robot is not robot:
+            from hqp_rp.control._assembly import LIMIT, Assembly
+
+            alone = self._alone = Assembly(((kind, _Itself(self)),), robot, kind == LIMIT, repr)
+        return alone
+
+
+class CompiledTask(CompiledRows):
+    """A task; its numbers begin with gain and weight, one for each row."""
+
+    __slots__ = ()
+
+    @property
+    def compiled(self) -> CompiledRows | None:
+        """The task itself, or None where a subclass has an `evaluate` of its own."""
+        return self if type(self).evaluate is CompiledTask.evaluate else None
+
+    def jacobian(self, robot: Robot) -> FloatArray:
+        """(m, nv) Jacobian at the robot's current configuration, before the weight."""
+        return self._evaluated(robot, plain=True)[0]
+
+    def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
+        """Jacobian (m, nv) and rate (m,) at the robot's current configuration, both scaled by the weight."""
+        return self._evaluated(robot, plain=False)
+
+    def _evaluated(self, robot: Robot, *, plain: bool) -> tuple[FloatArray, FloatArray]:
+        from hqp_rp.control._assembly import TASK
+
+        matrix, rate, _ = self._by_itself(robot, TASK).rows(plain=plain)
+        return matrix, rate
+
+
+class CompiledLimit(CompiledRows):
+    """A limit on every velocity: a box."""
+
+    __slots__ = ()
+
+    @property
+    def compiled(self) -> CompiledRows | None:
+        """The limit itself, or None where a subclass has `rows` of its own."""
+        return self if type(self).rows is CompiledLimit.rows else None
+
+    def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The identity (nv, nv), lower (nv,) and upper (nv,), rad/s or m/s; v is the velocity before this step."""
+        from hqp_rp.control._assembly import LIMIT
+
+        return self._by_itself(robot, LIMIT).rows(dt, v)
+
+
+class _Itself:
+    """An item that is compiled, whatever its class makes of `evaluate` or `rows`."""
+
+    def __init__(self, rows: CompiledRows) -> None:
+        self.compiled = rows
+
+    def __repr__(self) -> str:
+        return repr(self.compiled)
