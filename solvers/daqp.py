@@ -9,11 +9,11 @@ import numpy as np
 
 from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.problem import FloatArray, Problem, Stacked
 from hqp_rp.core.qp_backend import check_positive
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
-from hqp_rp.core.verify import Stacked, contradiction, fault_of, with_hard_rows
+from hqp_rp.core.verify import contradiction, fault_of, with_hard_rows
 
 _EQUALITY = 5  # DAQP's flag of a row whose bounds coincide
 _SHORTEST = 1e-4  # rows shorter than this part of their level's longest weigh as this

@@ -11,11 +11,13 @@ A reflector is stored in a row: v = (1, V[t, column + 1:]), and what stands left
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
+
+from hqp_rp.core.kernels.compile import Compiled
 
 WIDTH = 8
 _INT = ir.IntType(64)
@@ -23,6 +25,11 @@ _DOUBLE = ir.DoubleType()
 _CHUNK = ir.VectorType(_DOUBLE, WIDTH)
 _LANES = ir.VectorType(_INT, WIDTH)
 _FAST = ("reassoc", "contract")
+
+
+def _emitted(function: Callable[..., Any]) -> Compiled:
+    """numba's `intrinsic`; a kernel calls it without the typing context."""
+    return cast(Compiled, intrinsic(function))
 
 
 def _integer(value: int) -> Any:
@@ -122,7 +129,7 @@ def _reflect(builder: Any, rows: list[_Row], by: _Row, column: Any, tau: Any) ->
 
 
 def _reflect_rows(count: int) -> Any:
-    @intrinsic
+    @_emitted
     def reflect(_: Any, W: Any, i: Any, V: Any, t: Any, column: Any, tau: Any) -> Any:
         signature = types.void(W, types.int64, V, types.int64, types.int64, types.float64)
 
@@ -146,7 +153,7 @@ reflect_four_rows = _reflect_rows(4)
 """The same for rows i ... i + 3 of W, side by side."""
 
 
-@intrinsic
+@_emitted
 def reflect_vector(_: Any, y: Any, V: Any, t: Any, column: Any, tau: Any) -> Any:
     """The same for a vector: reflect_vector(y, V, t, column, tau)."""
     signature = types.void(y, V, types.int64, types.int64, types.float64)
@@ -160,7 +167,7 @@ def reflect_vector(_: Any, y: Any, V: Any, t: Any, column: Any, tau: Any) -> Any
     return signature, codegen
 
 
-@intrinsic
+@_emitted
 def make_reflector(_: Any, W: Any, i: Any, column: Any, beta: Any, inverse: Any) -> Any:
     """make_reflector(W, i, column, beta, inverse): W[i, column] <- beta, and what stands right of it is multiplied."""
     signature = types.void(W, types.int64, types.int64, types.float64, types.float64)
@@ -178,7 +185,7 @@ def make_reflector(_: Any, W: Any, i: Any, column: Any, beta: Any, inverse: Any)
     return signature, codegen
 
 
-@intrinsic
+@_emitted
 def swap_rows(_: Any, W: Any, i: Any, k: Any) -> Any:
     """swap_rows(W, i, k): rows i and k of W change places."""
     signature = types.void(W, types.int64, types.int64)
@@ -200,7 +207,7 @@ def swap_rows(_: Any, W: Any, i: Any, k: Any) -> Any:
     return signature, codegen
 
 
-@intrinsic
+@_emitted
 def sum_of_squares(_: Any, W: Any, i: Any, column: Any) -> Any:
     """sum_of_squares(W, i, column): of row i from `column` on."""
     signature = types.float64(W, types.int64, types.int64)
@@ -219,7 +226,7 @@ def sum_of_squares(_: Any, W: Any, i: Any, column: Any) -> Any:
     return signature, codegen
 
 
-@intrinsic
+@_emitted
 def dot_row(_: Any, W: Any, i: Any, y: Any, column: Any) -> Any:
     """dot_row(W, i, y, column): row i . y from the chunk of eight that holds `column` on; y is at least as long."""
     signature = types.float64(W, types.int64, y, types.int64)
@@ -237,7 +244,7 @@ def dot_row(_: Any, W: Any, i: Any, y: Any, column: Any) -> Any:
     return signature, codegen
 
 
-@intrinsic
+@_emitted
 def add_multiple(_: Any, y: Any, V: Any, t: Any, factor: Any) -> Any:
     """add_multiple(y, V, t, factor): y += factor * V[t]; y is at least as long."""
     signature = types.void(y, V, types.int64, types.float64)
