@@ -42,6 +42,7 @@ def fault_of(
     tolerance: float,
     *,
     stacked: Stacked | None = None,
+    tried: bool = False,
     rank_tolerance: float = RANK_TOLERANCE,
 ) -> str:
     """ "" when x (n,) is the lexicographic optimum of `problem` to the relative `tolerance`, else a sentence that says why not.
@@ -52,16 +53,18 @@ def fault_of(
     Args:
         problem, x, secondary, tolerance, rank_tolerance: as for `certify`; not checked.
         stacked: `with_hard_rows(problem)`, where the caller has it already.
+        tried: the compiled proof has been tried already, and has not succeeded.
     """
     from hqp_rp.core.kernels.verify import proven_optimal
 
-    matrix, lower, upper, offsets = with_hard_rows(problem) if stacked is None else stacked
-    zeta = zeros(problem.n) if secondary is None else secondary
-    try:
-        if proven_optimal(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
-            return ""
-    except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow: no proof
-        pass
+    if not tried:
+        matrix, lower, upper, offsets = with_hard_rows(problem) if stacked is None else stacked
+        zeta = zeros(problem.n) if secondary is None else secondary
+        try:
+            if proven_optimal(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
+                return ""
+        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow: no proof
+            pass
     from hqp_rp.core.certificate import certify
 
     try:

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from hqp_rp.core.kernels.blocked import turned_rows
 from hqp_rp.core.kernels.compile import kernel
 from hqp_rp.core.kernels.orthogonal import EPS, factor, frobenius, load, lower_block, lq, tall_least_squares
 
@@ -315,46 +316,48 @@ def proven_optimal(A, lower, upper, offsets, x, zeta, tolerance, rank_tol):
         # What is fixed leaves with the directions that it takes: so do firm rows, whose normals, weighted by multipliers, add
         # up to a combination of fixed rows, so that no allowed move leaves their bounds. What is held stays, with later rows.
         after = len(W) - h - (r1 - r0)
-        work = np.empty((fixes + h + holds + after, d))
+        staying = np.empty((h + holds + after, d))
+        work = np.empty((fixes, d))
         right = np.empty(fixes)
         for i in range(fixes):
             work[i] = W[at + fixed[i]]
             right[i] = v[fixed[i]]
-        q = fixes
+        q = 0
         still = 0
         for i in range(h):
             if firm and multipliers[i] > FIRM:
-                work[q] = H[i]
+                staying[q] = H[i]
                 q += 1
         for i in range(h):
             if not (firm and multipliers[i] > FIRM):
-                work[q] = W[i]
+                staying[q] = W[i]
                 q += 1
                 side[still] = side[i]
                 still += 1
         h = still
         for i in range(r0, r1):
             if new_side[i] != 0.0:
-                work[q] = W[at + i]
+                staying[q] = W[at + i]
                 side[h] = new_side[i]
                 h += 1
                 q += 1
-        work[q:] = W[len(W) - after :]
-        rank = 0
+        staying[q:] = W[len(W) - after :]
+        W = staying
         if fixes:
-            ref_row = np.empty(fixes, np.int64)
-            ref_col = np.empty(fixes, np.int64)
-            ref_tau = np.empty(fixes)
-            r, rank, _, U, S = factor(
-                work, 0, fixes, 0, len(work), right, original, r0, r1, 1.0, rank_tol, False, 0, ref_row, ref_col, ref_tau
+            ref = np.empty(fixes, np.int64)
+            tau = np.empty(fixes)
+            r, rank, V, U, S = factor(
+                work, 0, fixes, 0, fixes, right, original, r0, r1, 1.0, rank_tol, False, 0, ref, ref.copy(), tau
             )
             if open_question and not projected(work, fixes, r, rank, U, S, right) <= allowed:
                 return False
-        W = work[fixes:, rank:].copy()
+            W = turned_rows(W, work, r, tau, V)[:, rank:].copy()
         if firm:
+            work = W[:firm].copy()
             ref = np.empty(firm, np.int64)
-            rank = lq(W, 0, firm, 0, len(W), np.empty(firm), DEPENDENT, 0, ref, np.empty(firm, np.int64), np.empty(firm))
-            W = W[firm:, rank:].copy()
+            tau = np.empty(firm)
+            rank = lq(work, 0, firm, 0, firm, np.empty(firm), DEPENDENT, 0, ref, ref.copy(), tau)
+            W = turned_rows(W[firm:], work, rank, tau, np.empty((0, 0)))[:, rank:].copy()
     d = W.shape[1]
     if d == 0:
         return True
