@@ -39,12 +39,14 @@ def _let_go() -> None:
 
 
 class _Kept(NamedTuple):
-    """ProxQP's objects for QPs of one shape, and the Hessian that they hold where it never changes."""
+    """ProxQP's objects for QPs of one shape, views of its answers, and the Hessian that it holds where it never changes."""
 
     solver: Any
     settings: Any
-    results: Any
-    hessian: FloatArray | None
+    x: FloatArray
+    z: FloatArray
+    info: Any
+    hessian: FloatArray | None = None
 
 
 class ProxQPBackend(Backend):
@@ -85,7 +87,7 @@ class ProxQPBackend(Backend):
                 t, y = (qp.gradient, qp.lower) if guess is None else guess
                 dense = DenseQP(*qp_kernels().with_slacks(*qp, INFINITE, t, y))
             if kept is None:
-                kept = self._workspaces[shape] = _Kept(*self._new(shape[0] + shape[2], shape[1]), None)
+                kept = self._workspaces[shape] = self._new(shape[0] + shape[2], shape[1])
                 pass_on = kept.solver.init
             else:
                 pass_on = kept.solver.update
@@ -95,10 +97,10 @@ class ProxQPBackend(Backend):
                 kept.solver.solve()
             else:
                 kept.solver.solve(dense.start, None, guess[1])
-            y = kept.results.z
-        info = kept.results.info
+            y = kept.z
+        info = kept.info
         status = info.status
-        t = kept.results.x
+        t = kept.x
         if not lent:
             t, y = t[: shape[0]].copy(), y.copy()
         if status == self._solved:
@@ -114,15 +116,15 @@ class ProxQPBackend(Backend):
         if kept is not None and kept.hessian is qp.hessian:
             kept.solver.update(None, qp.gradient)
         else:
-            shape = (len(qp.gradient), 0, 0)
-            solver, settings, results = self._new(shape[0], 0) if kept is None else kept[:3]
-            settings.initial_guess = self._cold
-            (solver.init if kept is None else solver.update)(np.diag(qp.hessian), qp.gradient)
-            kept = self._workspaces[shape] = _Kept(solver, settings, results, qp.hessian)
+            fresh = kept is None
+            kept = (self._new(len(qp.gradient), 0) if kept is None else kept)._replace(hessian=qp.hessian)
+            self._workspaces[len(qp.gradient), 0, 0] = kept
+            kept.settings.initial_guess = self._cold
+            (kept.solver.init if fresh else kept.solver.update)(np.diag(qp.hessian), qp.gradient)
         kept.solver.solve()
         return kept
 
-    def _new(self, n: int, m: int) -> tuple[Any, Any, Any]:
+    def _new(self, n: int, m: int) -> _Kept:
         dense = self._proxqp.dense
         solver = dense.QP(n, 0, m, False, dense.HessianType.Diagonal)
         settings = solver.settings
@@ -136,7 +138,8 @@ class ProxQPBackend(Backend):
         settings.eps_primal_inf = settings.eps_dual_inf = _NEVER
         settings.max_iter = self._max_iterations
         settings.max_iter_in = _INNER_ITERATIONS
-        return solver, settings, solver.results
+        results = solver.results
+        return _Kept(solver, settings, results.x, results.z, results.info)
 
     def reset(self) -> None:
         self._workspaces.clear()

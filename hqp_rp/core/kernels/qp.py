@@ -12,7 +12,7 @@ import numpy as np
 
 from hqp_rp.core.kernels.blocked import turned_rows
 from hqp_rp.core.kernels.compile import kernel
-from hqp_rp.core.kernels.orthogonal import EPS, factor, forward_substitution, frobenius, lower_block
+from hqp_rp.core.kernels.orthogonal import EPS, factor, forward_substitution, frobenius
 
 
 @kernel
@@ -52,11 +52,10 @@ def power_of_two(largest):
 
 
 @kernel
-def factored(E, Z, A, tol):
-    """Factor E Z by the rank rule of A and turn Z with it.
+def taken_from(E, Z, A, tol):
+    """Factor E Z by the rank rule of A: what `factor` returns of L = E Z Q (m, d), with the order of its rows, and ZQ (n, d).
 
-    Returns (L, r, rank, U, S, order, ZQ): E Z Q = L (m, r) or U S (then U, S are not empty); order: which row of E each row
-    of L is. The first `rank` columns of ZQ (n, d) are what E takes.
+    The first `rank` columns of ZQ are the directions that the rows E take from Z. Returns (L, order, r, rank, U, S, ZQ).
     """
     m = len(E)
     L = np.dot(E, Z)
@@ -64,62 +63,97 @@ def factored(E, Z, A, tol):
     ref = np.empty(m, np.int64)
     tau = np.empty(m)
     r, rank, V, U, S = factor(L, 0, m, 0, m, order, A, 0, len(A), 1.0, tol, False, 0, ref, np.empty(m, np.int64), tau)
-    ZQ = turned_rows(Z, L, r, tau, V)
-    if r > 0 and len(S) == 0 and r < m:
-        U, S = by_svd(L, r, ZQ)
-    return L, r, rank, U, S, order, ZQ
+    return L, order, r, rank, U, S, turned_rows(Z, L, r, tau, V)
 
 
 @kernel
-def by_svd(L, r, ZQ):
-    """U, S of L = U S V^T, proven to be of rank r; ZQ is turned by V in place."""
-    U, S, Vt = np.linalg.svd(lower_block(L, 0, len(L), 0, r), False)
+def factored(E, residual, Z, A, tol):
+    """Coordinates w = B z in which `min ||E Z Q z - residual||` is `min ||w - c||`.
+
+    Returns (c (rank,), B (rank, rank) lower triangular, S, ZQ (n, d)); z are the first `rank` columns of ZQ. Where the rank
+    rule needed singular values, B is their diagonal S, else S is empty.
+    """
+    L, order, r, rank, U, S, ZQ = taken_from(E, Z, A, tol)
+    m = len(E)
+    c = np.zeros(rank)
+    B = np.zeros((rank, rank))
+    if len(S):
+        for i in range(rank):
+            B[i, i] = S[i]
+            for j in range(m):
+                c[i] += U[j, i] * residual[int(order[j])]
+        return c, B, S, ZQ
+    if r == m:
+        for i in range(rank):
+            c[i] = residual[int(order[i])]
+            for j in range(i + 1):
+                B[i, j] = L[i, j]
+        return c, B, S, ZQ
+    # L = Q R by Householder's reflectors; R, upper triangular, becomes lower triangular with w and z in reverse order.
+    columns = np.zeros((r, m))
+    turned = np.empty(m)
+    for i in range(m):
+        turned[i] = residual[int(order[i])]
+        for j in range(min(i + 1, r)):
+            columns[j, i] = L[i, j]
+    for j in range(r):
+        length = math.sqrt(np.sum(columns[j, j:] ** 2))
+        alpha = columns[j, j]
+        beta = -length if alpha >= 0.0 else length
+        columns[j, j] = alpha - beta
+        share = 1.0 / (beta * (beta - alpha))
+        for i in range(j + 1, r):
+            dot = share * np.sum(columns[i, j:] * columns[j, j:])
+            for q in range(j, m):
+                columns[i, q] -= dot * columns[j, q]
+        dot = share * np.sum(turned[j:] * columns[j, j:])
+        for q in range(j, m):
+            turned[q] -= dot * columns[j, q]
+        columns[j, j] = beta
+    for i in range(r):
+        c[i] = turned[r - 1 - i]
+        for j in range(i + 1):
+            B[i, j] = columns[r - 1 - j, r - 1 - i]
+    ZQ[:, :r] = ZQ[:, :r][:, ::-1].copy()
+    return c, B, S, ZQ
+
+
+@kernel
+def by_svd(c, B, ZQ):
+    """B = U S V^T, proven to be of full rank: (U^T c, diag(S), S), with ZQ turned by V in place."""
+    r = len(B)
+    U, S, Vt = np.linalg.svd(B, False)
     ZQ[:, :r] = np.dot(np.ascontiguousarray(ZQ[:, :r]), np.ascontiguousarray(Vt.T))
-    return U.copy(), S
+    return np.dot(c, U), np.diag(S), S
 
 
 @kernel
 def plain_level(rows, bounds, row_by_row, Z, x, tol):
     """The QP of a level of equalities without rows: min 1/2 ||w||^2 - c . w in coordinates w of the factored rows.
 
-    Returns (-c / size, size, L (rank, rank) with z = L^-1 w, ZQ (n, d)); size 0: nothing to do, below 0: the bounds overflow.
+    Returns (-c / size, size, B (rank, rank) with w = B z, ZQ (n, d)); size 0: nothing to do, below 0: the bounds overflow.
     """
     A, b, _, fits = scaled_rows(rows, bounds, bounds, row_by_row)
-    m = len(A)
-    d = b - np.dot(A, x)
-    triangle, _, rank, U, S, order, ZQ = factored(A, Z, A, tol)
-    L = np.zeros((rank, rank))
-    c = np.empty(rank)
-    for i in range(rank):
-        if len(S):
-            L[i, i] = S[i]
-            s = 0.0
-            for j in range(m):
-                s += U[j, i] * d[int(order[j])]
-            c[i] = s
-        else:
-            for j in range(i + 1):
-                L[i, j] = triangle[i, j]
-            c[i] = d[int(order[i])]
+    c, B, _, ZQ = factored(A, b - np.dot(A, x), Z, A, tol)
     size = 0.0
     length = math.sqrt(np.sum(c * c))
-    noise = 8.0 * EPS * (math.sqrt(np.sum(b * b)) + frobenius(A, 0, m) * math.sqrt(np.sum(x * x)))
-    if rank and not length <= noise:
+    noise = 8.0 * EPS * (math.sqrt(np.sum(b * b)) + frobenius(A, 0, len(A)) * math.sqrt(np.sum(x * x)))
+    if len(c) and not length <= noise:
         size = power_of_two(np.max(np.abs(c)))
     if size > 0.0:
         c /= -size
     if not fits:
         size = -1.0
-    return c, size, L, ZQ
+    return c, size, B, ZQ
 
 
 @kernel
-def finish_plain(w, size, L, ZQ, x):
-    """x += ZQ L^-1 w size (in place); returns what stays free."""
-    r = len(L)
+def finish_plain(w, size, B, ZQ, x):
+    """x += ZQ B^-1 w size (in place); returns what stays free."""
+    r = len(B)
     if size > 0.0 and len(w) == r:
         y = np.empty(r)
-        forward_substitution(L, 0, 0, r, w, y)
+        forward_substitution(B, 0, 0, r, w, y)
         for i in range(len(x)):
             s = 0.0
             for j in range(r):

@@ -243,13 +243,13 @@ def advance(desk, numbers, counts):
         for i in range(r0, r0 + m if equalities else r0):
             equalities = equalities and desk.lower[i] == desk.upper[i]
         if K == 0 and equalities:
-            c, size, L, ZQ = plain_level(
+            c, size, B, ZQ = plain_level(
                 desk.raw[r0 : r0 + m], desk.lower[r0 : r0 + m], k == 0, Z, desk.x, numbers[RANK_TOLERANCE]
             )
             r = len(c)
             numbers[SIZE] = size
             counts[T] = r
-            desk.T[: r * r] = L.ravel()
+            desk.T[: r * r] = B.ravel()
             desk.Z0[: n * d] = ZQ.ravel()
             if size < 0.0:
                 return NOT_FINITE, 0, 0, 0, 0
@@ -290,10 +290,10 @@ def nearest(desk, numbers, counts, Z):
     numbers[SIZE] = size
     desk.qp[d : 2 * d] = c / size
     desk.Z0[: n * d] = desk.Z[: n * d]
-    L = desk.T[: d * d].reshape((d, d))
-    L[:] = 0.0
+    B = desk.T[: d * d].reshape((d, d))
+    B[:] = 0.0
     for j in range(d):
-        L[j, j] = 1.0
+        B[j, j] = 1.0
     counts[CODE] = PLAIN
     counts[QPS] += 1
     return True

@@ -12,8 +12,8 @@ import numpy as np
 
 from hqp_rp.core.kernels.blocked import turned_rows
 from hqp_rp.core.kernels.compile import kernel
-from hqp_rp.core.kernels.orthogonal import EPS, frobenius, inverse_norm, lower_block, lq
-from hqp_rp.core.kernels.qp import by_svd, factored, power_of_two
+from hqp_rp.core.kernels.orthogonal import EPS, frobenius, inverse_norm, lq
+from hqp_rp.core.kernels.qp import by_svd, factored, power_of_two, taken_from
 
 FLAT = 1e-3  # Singular values are preconditioned away down to this fraction of the largest one.
 STRONG = 1e-6  # A row whose scaled multiplier or violation exceeds this stays where it is at later levels.
@@ -134,32 +134,19 @@ def level_with_rows(
             b[i] = lower[E_index[i]]
         res = b - np.dot(E, x)
         noise = 8.0 * EPS * (math.sqrt(np.sum(b * b)) + frobenius(E, 0, mE) * math.sqrt(np.sum(x * x)))
-        L, r, rank, U, Sigma, order, ZQ = factored(E, Z, A, tol)
-        if (
-            r
-            and len(Sigma) == 0
-            and inverse_norm(L, 0, 0, r) * frobenius(lower_block(L, 0, r, 0, r), 0, r) * FLAT > 1.0
-        ):
-            U, Sigma = by_svd(L, r, ZQ)
+        c, back, Sigma, ZQ = factored(E, res, Z, A, tol)
+        rank = len(c)
+        if rank and len(Sigma) == 0 and inverse_norm(back, 0, 0, rank) * frobenius(back, 0, rank) * FLAT > 1.0:
+            c, back, Sigma = by_svd(c, back, ZQ)
         W = ZQ[:, :rank].copy()
-        c = np.empty(rank)
         sharp = np.ones(rank)
-        back = np.zeros((rank, rank))
         if len(Sigma):
             for j in range(rank):
-                s = 0.0
-                for i in range(mE):
-                    s += U[i, j] * res[int(order[i])]
                 scale = max(Sigma[j], FLAT * Sigma[0])
                 sharp[j] = Sigma[j] / scale
-                c[j] = s
                 back[j, j] = scale
                 W[:, j] /= scale
         else:
-            for i in range(rank):
-                c[i] = res[int(order[i])]
-                for j in range(i + 1):
-                    back[i, j] = L[i, j]
             over_triangle(W, back)
     Z0 = ZQ[:, rank:].copy()
     felt = directions_felt(unit, count, Z0)
@@ -284,7 +271,7 @@ def finish_with_rows(A, lower, upper, ids, S, T, Z0, t, y, size, x, kept, kept_l
             if fixed[i]:
                 rows[q] = A[S[i]]
                 q += 1
-        _, _, rank, _, _, _, ZQ = factored(rows, Z, A, tol)
+        _, _, _, rank, _, _, ZQ = taken_from(rows, Z, A, tol)
         Z = ZQ[:, rank:].copy()
     if H and Z.shape[1]:
         rows = np.empty((H, n))
