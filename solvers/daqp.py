@@ -129,12 +129,11 @@ class Daqp(Solver):
         self, problem: Problem, stacked: Stacked, x: FloatArray, secondary: FloatArray | None, iterations: int
     ) -> Solution:
         fault = fault_of(problem, x, secondary, self.accept, stacked=stacked)
-        if not fault:
-            return Solution(problem, x, Status.SOLVED, iterations, "", secondary)
-        conflict = contradiction(problem.hard, x) if problem.hard is not None else ""
-        if conflict:
+        if fault and problem.hard is not None and (conflict := contradiction(problem.hard, x)):
             return Solution(problem, None, Status.INFEASIBLE, iterations, conflict, secondary)
-        return Solution(problem, x, Status.INACCURATE, iterations, fault, secondary)
+        solution = Solution(problem, x, Status.INACCURATE if fault else Status.SOLVED, iterations, fault, secondary)
+        solution.held = self.accept
+        return solution
 
     def _without_answer(
         self, problem: Problem, stacked: Stacked, secondary: FloatArray | None, flag: int, iterations: int

@@ -111,7 +111,9 @@ class HierarchicalActiveSet(Solver):
                     problem, answer, secondary, self.tolerance, stacked=stacked, rank_tolerance=self.rank_tolerance
                 )
             status = Status.INACCURATE if fault else Status.SOLVED
-            return Solution(problem, answer, status, iterations, fault, secondary)
+            solution = Solution(problem, answer, status, iterations, fault, secondary)
+            solution.held = side.astype(np.int8)  # the next solve writes to side
+            return solution
         self._kept.pop(key, None)
         if code == active_set.INFEASIBLE:
             names = ", ".join(str(i) for i in np.flatnonzero(conflict))

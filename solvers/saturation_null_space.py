@@ -13,6 +13,7 @@ from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
 
+_SATURATED = 1e-12  # relative: an unknown this near to its bound is held there
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
 
 
@@ -121,4 +122,5 @@ class SaturationNullSpace(Solver):
             return Solution(problem, None, Status.NOT_FINITE, tried, _OVERFLOW, secondary)
         solution = ScaledSolution(problem, x, Status.SOLVED, tried, "", secondary)
         solution.scales = scales
+        solution.held = _SATURATED
         return solution

@@ -39,9 +39,9 @@ class Solution:
         message: a sentence with the details of a status that is not `SOLVED`; empty otherwise.
         problem: the problem that was solved.
         secondary: (n,) free vector that was given, or None.
-        held: for solvers, what `active` is made from: (hard.m + M,) integers, -1 or +1 for each satisfied row that the solver
-            says it holds at its lower or upper bound (what it says of other rows is not looked at); None where it says
-            nothing.
+        held: what a solver says for `active`: (hard.m + M,) integers, -1 or +1 for each satisfied row that it holds at its
+            lower or upper bound; or, where its method tells no more, a number: rows this near to a bound, relative to
+            ||a_i|| ||x|| + |bound|, are held; or None.
     """
 
     __slots__ = ("_active", "_levels", "held", "iterations", "message", "problem", "secondary", "status", "x")
@@ -61,7 +61,7 @@ class Solution:
         self.iterations = iterations
         self.message = message
         self.secondary = secondary
-        self.held: NDArray[np.integer] | None = None
+        self.held: NDArray[np.integer] | float | None = None
         self._levels: tuple[LevelReport, ...] | None = None
         self._active: NDArray[np.int8] | None = None
 
@@ -77,10 +77,11 @@ class Solution:
              0   every other row: within its bounds, or touching one that x would keep without it
 
         A row is violated when it misses its bound by more than 1e-9 of ||a_i|| ||x|| + |bound|. What "holds x back" means is
-        the solver's: a multiplier beyond its tolerance (`qp_cascade`, `weighted`, `daqp`), a place in the final working set
-        (`hierarchical_active_set`, `reverse_priority_unilateral`), a saturated unknown (`saturation_null_space`); they differ
-        only where multipliers are zero or not unique. Computed when first asked for. None where there is no x, or where the
-        solver does not say.
+        the solver's: a multiplier beyond its tolerance (`qp_cascade`, `weighted`), a place in the final working set
+        (`hierarchical_active_set`, `reverse_priority_unilateral`), a row at its bound to the declared tolerance (`daqp`, which
+        reports no multipliers of finished levels) or to rounding error (`saturation_null_space`). They differ only where a
+        multiplier is zero or not unique. Computed when first asked for. None where there is no x, or where the solver does
+        not say.
         """
         if self._active is None and self.x is not None and self.held is not None:
             from hqp_rp.core.active import active_rows

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.compile import inlined, kernel
 from hqp_rp.core.kernels.orthogonal import EPS
 from hqp_rp.core.kernels.qp import finish_plain, plain_level, scaled_rows
 from hqp_rp.core.kernels.qp_polish import polish
@@ -101,7 +101,7 @@ def desk_size(n, M, p):
     return numbers, SIZES + 2 * M + (p + 2) + (M + n) + (p + 2)
 
 
-@kernel
+@inlined
 def desk_of(numbers, counts):
     """The views of `Desk`."""
     n = counts[N]
@@ -179,27 +179,27 @@ def begin(hard, hard_lower, hard_upper, matrix, lower, upper, offsets, numbers, 
     counts[STAGE] = -1
     counts[QPS] = 0
     counts[CODE] = PROVEN
-    return advance(desk, numbers, counts)
+    return advance(numbers, counts)
 
 
 @kernel
 def resume(numbers, counts, t, y):
     """Go on with the answer to the QP that was asked for: t (T or more,), y (QP_ROWS,); t is empty when there is none."""
-    desk = desk_of(numbers, counts)
     code = counts[CODE]
     if code == PLAIN:
-        finish_without_rows(desk, numbers, counts, t)
+        finish_without_rows(numbers, counts, t)
     elif code == ROWS:
-        answer(desk, numbers, counts, t, y)
-    if code != VIOLATED and left_violated(desk, numbers, counts):
+        answer(numbers, counts, t, y)
+    if code != VIOLATED and left_violated(numbers, counts):
         counts[CODE] = VIOLATED
         return VIOLATED, 0, 0, 0, 0
-    return advance(desk, numbers, counts)
+    return advance(numbers, counts)
 
 
 @kernel
-def left_violated(desk, numbers, counts):
+def left_violated(numbers, counts):
     """After the stage of the hard rows: remember where they left x, and say whether one is violated beyond the tolerance."""
+    desk = desk_of(numbers, counts)
     if counts[STAGE] != 0:
         return False
     n = counts[N]
@@ -219,8 +219,9 @@ def left_violated(desk, numbers, counts):
 
 
 @kernel
-def advance(desk, numbers, counts):
+def advance(numbers, counts):
     """The stages that need no QP, up to one that does or to the end."""
+    desk = desk_of(numbers, counts)
     n = counts[N]
     last = counts[P] + 1
     while counts[STAGE] < last:
@@ -236,7 +237,7 @@ def advance(desk, numbers, counts):
         if m == 0:
             continue
         if k == last and K == 0:
-            if nearest(desk, numbers, counts, Z):
+            if nearest(numbers, counts, Z):
                 return PLAIN, counts[T], 0, 0, 0
             continue
         equalities = k < last
@@ -258,9 +259,9 @@ def advance(desk, numbers, counts):
                 counts[CODE] = PLAIN
                 counts[QPS] += 1
                 return PLAIN, r, 0, 0, 0
-            finish_without_rows(desk, numbers, counts, c[:0])
+            finish_without_rows(numbers, counts, c[:0])
             continue
-        guessed = with_rows(desk, numbers, counts, Z, k, r0, m)
+        guessed = with_rows(numbers, counts, Z, k, r0, m)
         if guessed < -1:
             return NOT_FINITE, 0, 0, 0, 0
         if guessed >= 0:
@@ -276,8 +277,9 @@ def advance(desk, numbers, counts):
 
 
 @kernel
-def nearest(desk, numbers, counts, Z):
+def nearest(numbers, counts, Z):
     """Ask for the QP of ||x - start|| where no row is kept; False when x is there already."""
+    desk = desk_of(numbers, counts)
     n, d = Z.shape
     c = np.dot(desk.x - desk.start, Z)
     length = np.sum(c * c)
@@ -300,8 +302,9 @@ def nearest(desk, numbers, counts, Z):
 
 
 @kernel
-def finish_without_rows(desk, numbers, counts, t):
+def finish_without_rows(numbers, counts, t):
     """Move x by the answer of a QP without rows, and take the directions that the stage has used."""
+    desk = desk_of(numbers, counts)
     n = counts[N]
     d = counts[FREE]
     r = counts[T]
@@ -313,8 +316,9 @@ def finish_without_rows(desk, numbers, counts, t):
 
 
 @kernel
-def with_rows(desk, numbers, counts, Z, k, r0, m):
+def with_rows(numbers, counts, Z, k, r0, m):
     """Put the QP of a stage with rows on the desk; 1 with a guess, 0 without, -1: none is needed, -2: bounds overflow."""
+    desk = desk_of(numbers, counts)
     n = counts[N]
     M_ = counts[M]
     K = counts[KEPT]
@@ -351,7 +355,7 @@ def with_rows(desk, numbers, counts, Z, k, r0, m):
     desk.S[:soft] = S
     desk.lengths[:count] = lengths
     if not size > 0.0 or t == 0:
-        answer(desk, numbers, counts, np.empty(0), np.empty(0))
+        answer(numbers, counts, np.empty(0), np.empty(0))
         return -1
     a, b, c, e, f, g, H, gs, C, lo, hi, s, end = qp_parts(t, count, soft)
     q = desk.qp
@@ -376,8 +380,9 @@ def with_rows(desk, numbers, counts, Z, k, r0, m):
 
 
 @kernel
-def answer(desk, numbers, counts, t, y):
+def answer(numbers, counts, t, y):
     """Polish and take the answer of a QP with rows; without one (t empty) x stays."""
+    desk = desk_of(numbers, counts)
     n = counts[N]
     k = counts[STAGE]
     K = counts[KEPT]

@@ -45,16 +45,13 @@ def full_rank(rows):
 
 
 @kernel
-def directions_felt(rows, count, Z0):
-    """Basis (n, f) of the directions of Z0 that some of the first `count` rows (of length one) feels.
+def directions_felt(probe, Z0):
+    """Basis (n, f) of the directions of Z0 that some row, `probe` (count, d0) in these directions, feels.
 
-    Along the others the QP would be free to run away.
+    Rows are of length one before they are put into these directions. Along the others the QP would be free to run away.
     """
-    d0 = Z0.shape[1]
-    if d0 == 0:
-        return Z0
-    probe = np.dot(rows, Z0)
-    if full_rank(probe):
+    count, d0 = probe.shape
+    if d0 == 0 or full_rank(probe):
         return Z0
     ref = np.empty(count, np.int64)
     tau = np.empty(count)
@@ -102,16 +99,14 @@ def level_with_rows(
         empty = np.empty((0, 0))
         return 0.0, np.empty((n, 0)), Z, none, none, empty, none, none, none, S, none, none
     rows_x = np.empty((count, n))
-    unit = np.empty((count, n))
-    row_size = np.empty(count)
+    row_size = np.ones(count)
     lengths = np.ones(count)
     for i in range(mS):
         rows_x[i] = A[S[i]]
-        row_size[i] = math.sqrt(np.sum(rows_x[i] ** 2))
-        unit[i] = rows_x[i] / (row_size[i] if row_size[i] > 0.0 else 1.0)
-    for i in range(K):
-        rows_x[mS + i] = kept[i]
-        unit[mS + i] = kept[i]
+        s = math.sqrt(np.sum(rows_x[i] ** 2))
+        if s > 0.0:
+            row_size[i] = s
+    rows_x[mS:] = kept
     rank = 0
     sharp = np.empty(0)  # curvature of w
     noise = 0.0
@@ -149,12 +144,18 @@ def level_with_rows(
         else:
             over_triangle(W, back)
     Z0 = ZQ[:, rank:].copy()
-    felt = directions_felt(unit, count, Z0)
-    t = rank + felt.shape[1]
-    T = np.empty((n, t))
+    T = np.empty((n, d))
     T[:, :rank] = W
-    T[:, rank:] = felt
+    T[:, rank:] = Z0
     rows = np.dot(rows_x, T)
+    probe = rows[:, rank:].copy()
+    for i in range(mS):
+        probe[i] /= row_size[i]
+    felt = directions_felt(probe, Z0)
+    t = rank + felt.shape[1]
+    if t < d:
+        T = np.concatenate((W, felt), 1)
+        rows = np.dot(rows_x, T)
     low = np.empty(count)
     up = np.empty(count)
     hessian = np.zeros(t)
@@ -162,7 +163,7 @@ def level_with_rows(
     for j in range(rank):
         hessian[j] = sharp[j] * sharp[j]
         gradient[j] = -sharp[j] * c[j]
-    within = np.dot(unit[:mS], Z)
+    within = np.dot(rows_x[:mS], Z)
     largest = 0.0
     if math.sqrt(np.sum(c * c)) > noise:
         for j in range(rank):
@@ -175,7 +176,7 @@ def level_with_rows(
         if i < mS:
             for j in range(d):
                 s += within[i, j] ** 2
-            if math.sqrt(s) <= tol:  # earlier levels have used it up: nothing here may follow it
+            if math.sqrt(s) <= tol * row_size[i]:  # earlier levels have used it up: nothing here may follow it
                 rows[i] = 0.0
             low[i] = lower[S[i]] - value
             up[i] = upper[S[i]] - value
