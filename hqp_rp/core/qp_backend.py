@@ -121,11 +121,14 @@ class QpsolversBackend(Backend):
     """Any other solver by its qpsolvers name, built anew at each call, at tight tolerances where we know their names.
 
     Solvers that need a positive definite Hessian (quadprog, DAQP) are led to the answer by a few proximal steps on the
-    directions without curvature (Rockafellar 1976).
+    directions without curvature (Rockafellar 1976). Every QP put here can be met; where many rows pass through one point,
+    rounding makes quadprog call it inconsistent all the same, so a QP without an answer is tried once more with its bounds
+    moved apart by a tenth of eps_abs.
     """
 
     _PROXIMAL = 1e-4
     _PROXIMAL_STEPS = 20
+    _APART = 0.1
 
     def __init__(self, name: str, eps_abs: float, max_iterations: int) -> None:
         import qpsolvers
@@ -163,6 +166,10 @@ class QpsolversBackend(Backend):
         for _ in range(steps):
             solves += 1
             answer = self._solve_once(matrix, qp, hessian + proximal, gradient - proximal * centre)
+            if answer.t is None and m:
+                apart = self._APART * self._eps_abs
+                wider = qp._replace(lower=qp.lower - apart, upper=qp.upper + apart)
+                answer = self._solve_once(matrix, wider, hessian + proximal, gradient - proximal * centre)
             if answer.t is None or answer.outcome is not Outcome.CONVERGED:
                 return answer._replace(t=None if answer.t is None else answer.t[:n])
             moved = float(np.abs(proximal * (answer.t - centre)).max())
