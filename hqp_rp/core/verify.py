@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -55,13 +57,11 @@ def fault_of(
         stacked: `with_hard_rows(problem)`, where the caller has it already.
         tried: the compiled proof has been tried already, and has not succeeded.
     """
-    from hqp_rp.core.kernels.verify import proven_optimal
-
     if not tried:
         matrix, lower, upper, offsets = with_hard_rows(problem) if stacked is None else stacked
         zeta = zeros(problem.n) if secondary is None else secondary
         try:
-            if proven_optimal(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
+            if _proof()(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
                 return ""
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow: no proof
             pass
@@ -73,6 +73,14 @@ def fault_of(
     except (ValueError, np.linalg.LinAlgError):
         return "The answer could not be verified: its residuals overflow."
     return "" if certificate.ok else certificate.sentence
+
+
+@functools.cache
+def _proof() -> Callable[..., bool]:
+    """The compiled proof, imported when first needed."""
+    from hqp_rp.core.kernels.verify import proven_optimal
+
+    return proven_optimal
 
 
 def hard_excess(hard: Level | None, x: FloatArray) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hqp_rp.core.solution import Status
 from hqp_rp.core.solver import get_solver
 from hqp_rp.scenarios.joint_limit_reach import JointLimitReach
 from tests.scenarios.crossings import by_case, measured, run
@@ -46,3 +47,12 @@ def test_weights_trade_the_limits_and_strict_priority_does_not() -> None:
         broken[name] = measured(steps, "acceleration limit violation [rad/s^2]").max()
     assert broken["hierarchical_active_set"] < 1e-9
     assert 1e-6 < broken["weighted"] < 0.1
+
+
+def test_where_many_limits_meet_in_one_point_quadprog_still_has_an_answer() -> None:
+    # Rounding makes quadprog call some of these QPs inconsistent; without an answer the tool would stop for a period.
+    steps = by_case(run(JointLimitReach(), get_solver("qp_cascade", backend="quadprog")))["hard limits"]
+    assert all(step.solution.status is Status.SOLVED for step in steps)
+    reference = get_solver("hierarchical_active_set")
+    for step in steps:
+        np.testing.assert_allclose(step.solution.x, reference.solve(step.problem).x, atol=1e-8)
