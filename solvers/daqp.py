@@ -38,7 +38,8 @@ class _Room:
 
         self.kernels = normalise
         self.stacked = Stacked(np.empty((rows, n)), np.empty(rows), np.empty(rows), offsets)
-        self.rows, self.low, self.up, self.softness = np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(rows)
+        self.rows = np.empty((rows, n))
+        self.low, self.up, self.softness = np.empty(rows), np.empty(rows), np.empty(rows)
         self.sense = np.empty(rows, np.int32)
         self.model: Any = None
         self.no_hard = np.zeros((0, n)), np.zeros(0), np.zeros(0)

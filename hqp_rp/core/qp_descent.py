@@ -102,7 +102,7 @@ class Desk:
                 return solution
             if code == kernels.UNPROVEN:
                 return self._judged(problem, secondary, tolerance, run)
-        except (OverflowError, ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
+        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             pass
         return Solution(problem, None, Status.NOT_FINITE, run.iterations, NOT_FINITE, secondary)
 
@@ -137,9 +137,7 @@ class Desk:
         q, full = self._qp, t + soft
         a, b, c, d, e, f, g, h, i, j, k, o, end = self._kernels.qp_parts(t, m, soft)
         qp = SlackQP(q[:a], q[a:b], q[b:c].reshape(m, t), q[c:d], q[d:e], soft)
-        dense = DenseQP(
-            q[g:h].reshape(full, full), q[h:i], q[i:j].reshape(m, full), q[j:k], q[k:o], q[o:end]
-        )  # fmt: skip
+        dense = DenseQP(q[g:h].reshape(full, full), q[h:i], q[i:j].reshape(m, full), q[j:k], q[k:o], q[o:end])
         views = self._views[t, m, soft] = _Views(qp, (q[e:f], q[f:g]), dense)
         return views
 

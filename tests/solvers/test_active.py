@@ -22,9 +22,16 @@ SOLVERS = {
     "saturation_null_space": {},
     "reverse_priority_unilateral": {},
 }
+
+
+def name_in(label: str) -> str:
+    """The solver's name in a label of `SOLVERS`."""
+    return label.replace(",", " ").split()[0]
+
+
 EVERY = pytest.mark.parametrize(
     "solver",
-    [pytest.param(get_solver(label.replace(",", " ").split()[0], **settings), id=label) for label, settings in SOLVERS.items()],
+    [pytest.param(get_solver(name_in(label), **settings), id=label) for label, settings in SOLVERS.items()],
 )
 PROBLEMS = [
     *(boxed(independent(seed, rows=(3, 3, 7)), 0.3) for seed in range(4)),
@@ -68,9 +75,8 @@ def test_active_rows_are_at_or_beyond_the_bound_they_name(solver: Solver) -> Non
 @EVERY
 def test_exact_solvers_name_the_active_rows_of_the_optimum(solver: Solver) -> None:
     compared = 0
-    for problem in PROBLEMS:
-        if solver.refuses(problem) or not solver.is_lexicographic(problem):
-            continue
+    exact = [problem for problem in PROBLEMS if not solver.refuses(problem) and solver.is_lexicographic(problem)]
+    for problem in exact:
         right = truth(problem).x
         expected = sides(problem, right, 1e-9)
         if (sides(problem, right, 1e-4) != expected).any():
@@ -79,7 +85,7 @@ def test_exact_solvers_name_the_active_rows_of_the_optimum(solver: Solver) -> No
         for _ in range(2):  # the second time from what was kept
             np.testing.assert_array_equal(solver.solve(problem).active, expected)
         compared += 1
-    assert compared >= (0 if solver.name in ("weighted", "reverse_priority_unilateral", "saturation_null_space") else 12)
+    assert compared >= 0.7 * len(exact)
 
 
 @EVERY
@@ -112,7 +118,7 @@ def test_solvers_that_do_not_say() -> None:
     solution = solve(independent(0), "null_space")
     assert solution.active is None
     assert solution.active_rows is None
-    said = {label.replace(",", " ").split()[0] for label in SOLVERS}
+    said = {name_in(label) for label in SOLVERS}
     for name, cls in hqp_rp.all_solvers().items():
         assert (cls.takes_hard or cls.takes_inequalities) == (name in said), name
     assert certify(independent(0), solution.x).ok

@@ -327,9 +327,7 @@ def with_rows(numbers, counts, Z, k, r0, m):
     low = desk.start
     up = desk.start
     if not last:
-        A, low, up, fits = scaled_rows(
-            desk.raw[r0 : r0 + m], desk.lower[r0 : r0 + m], desk.upper[r0 : r0 + m], k == 0
-        )
+        A, low, up, fits = scaled_rows(desk.raw[r0 : r0 + m], desk.lower[r0 : r0 + m], desk.upper[r0 : r0 + m], k == 0)
         if not fits:
             return -2  # A bound that overflows in scaled units puts x beyond what floats hold.
         desk.A[: m * n] = A.ravel()

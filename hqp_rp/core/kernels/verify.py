@@ -44,7 +44,10 @@ def projected(work, m, r, rank, U, S, v):
 
 @kernel
 def drop_negative(C, y, w, passive):
-    """Least squares `min ||y - C w||` on the passive columns, columns of negative weight dropped until none is; False: too many."""
+    """w: least squares `min ||y - C w||` on the passive columns, those of negative weight dropped until none is.
+
+    False where more columns are passive than y has entries.
+    """
     d, k = C.shape
     index = np.empty(k, np.int64)
     while True:
