@@ -48,17 +48,18 @@ class Desk:
     """
 
     def __init__(self, n: int, hard: int, offsets: Any) -> None:
-        from hqp_rp.core.kernels import qp_descent as kernels
+        from hqp_rp.core.kernels import qp_descent, qp_desk
 
-        self._kernels = kernels
+        self._kernels, self._layout = qp_descent, qp_desk
         p = len(offsets) - 1
         rows = hard + int(offsets[-1])
-        numbers, counts = kernels.desk_size(n, rows, p)
+        layout = qp_desk
+        numbers, counts = layout.desk_size(n, rows, p)
         self._numbers, self._counts = np.empty(numbers), np.zeros(counts, np.int64)
-        self._counts[kernels.N], self._counts[kernels.M], self._counts[kernels.P] = n, rows, p
-        self._numbers[kernels.RANK_TOLERANCE] = RANK_TOLERANCE
-        self._numbers[kernels.INFINITE] = INFINITE
-        desk = kernels.desk_of(self._numbers, self._counts)
+        self._counts[layout.N], self._counts[layout.M], self._counts[layout.P] = n, rows, p
+        self._numbers[layout.RANK_TOLERANCE] = RANK_TOLERANCE
+        self._numbers[layout.INFINITE] = INFINITE
+        desk = layout.desk_of.py_func(self._numbers, self._counts)  # as it stands: compiled code has it inlined
         desk.eye[:] = np.eye(n)
         self._x, self._start, self._least, self._side, self._qp = desk.x, desk.start, desk.least, desk.side, desk.qp
         self._rows = rows
@@ -75,12 +76,12 @@ class Desk:
             problem: of the shape of this desk. secondary: (n,) or None. backend: solves the QPs.
             tolerance: relative, of the verdict. polish: refine each answer on the active rows that the back end found.
         """
-        kernels, numbers, counts = self._kernels, self._numbers, self._counts
+        kernels, layout, numbers, counts = self._kernels, self._layout, self._numbers, self._counts
         self.used = True
         hard = problem.hard
-        counts[kernels.DENSE] = backend.wants_dense
-        counts[kernels.POLISH] = polish
-        numbers[kernels.TOLERANCE] = tolerance
+        counts[layout.DENSE] = backend.wants_dense
+        counts[layout.POLISH] = polish
+        numbers[layout.TOLERANCE] = tolerance
         self._start[:] = 0.0 if secondary is None else secondary
         run = _Run(backend)
         top = self._no_hard if hard is None else (hard.A, hard.lower, hard.upper)
@@ -122,7 +123,7 @@ class Desk:
 
     def _stage(self, problem: Problem) -> str:
         """The name of the level whose QP is being solved."""
-        k = int(self._counts[self._kernels.STAGE])
+        k = int(self._counts[self._layout.STAGE])
         return HARD if k == 0 else problem.names[k - 1] if k <= problem.p else NEAREST
 
     def _plain(self, t: int) -> SlackQP:
@@ -135,7 +136,7 @@ class Desk:
 
     def _cut(self, t: int, m: int, soft: int) -> _Views:
         q, full = self._qp, t + soft
-        a, b, c, d, e, f, g, h, i, j, k, o, end = self._kernels.qp_parts(t, m, soft)
+        a, b, c, d, e, f, g, h, i, j, k, o, end = self._layout.qp_parts(t, m, soft)
         qp = SlackQP(q[:a], q[a:b], q[b:c].reshape(m, t), q[c:d], q[d:e], soft)
         dense = DenseQP(q[g:h].reshape(full, full), q[h:i], q[i:j].reshape(m, full), q[j:k], q[k:o], q[o:end])
         views = self._views[t, m, soft] = _Views(qp, (q[e:f], q[f:g]), dense)

@@ -23,9 +23,9 @@ _NONE = np.zeros(0)
 @functools.cache
 def qp_kernels() -> Any:
     """The compiled kernels, imported when first needed."""
-    from hqp_rp.core.kernels import qp_rows
+    from hqp_rp.core.kernels import qp_slacks
 
-    return qp_rows
+    return qp_slacks
 
 
 _alive: weakref.WeakSet[ProxQPBackend] = weakref.WeakSet()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqp_rp import Level, Problem, certify, truth
+from hqp_rp import Level, Problem, certify, solve, truth
+from hqp_rp.compare.bench_families import family
 from hqp_rp.core.kernels.verify import proven_optimal
 from hqp_rp.core.verify import contradiction, fault_of, hard_excess, with_hard_rows
 from tests.problems import boxed, independent, over_constrained, two_sided
@@ -39,6 +40,22 @@ def test_the_proof_never_accepts_what_the_certificate_rejects(problem: Problem) 
             proven.append(proof)
         assert proven[0]
         assert not proven[-1]
+
+
+@pytest.mark.parametrize("name", ["7_limits", "humanoid_20", "humanoid_40"])
+def test_at_a_tight_tolerance_with_many_active_rows(name: str) -> None:
+    rng = np.random.default_rng(0)
+    refused = 0
+    for problem in family(name, quick=True).problems[:8]:
+        right = solve(problem, "hierarchical_active_set").x
+        stacked = with_hard_rows(problem)
+        for size in (0.0, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6):
+            x = right + size * np.linalg.norm(right) * rng.standard_normal(problem.n)
+            proof = proven_optimal(*stacked, x, np.zeros(problem.n), 1e-9, 1e-12)
+            assert not proof or certify(problem, x, tolerance=1e-9).ok
+            assert proof or size >= 1e-10  # what rounding leaves needs no second opinion
+            refused += not proof
+    assert refused > 4
 
 
 def test_hard_rows_are_on_top() -> None:
