@@ -53,7 +53,7 @@ class Desk:
         self._kernels, self._layout = qp_descent, qp_desk
         p = len(offsets) - 1
         rows = hard + int(offsets[-1])
-        layout = qp_desk
+        layout: Any = qp_desk
         numbers, counts = layout.desk_size(n, rows, p)
         self._numbers, self._counts = np.empty(numbers), np.zeros(counts, np.int64)
         self._counts[layout.N], self._counts[layout.M], self._counts[layout.P] = n, rows, p
