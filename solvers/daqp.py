@@ -13,7 +13,7 @@ from hqp_rp.core.problem import FloatArray, Problem, Stacked
 from hqp_rp.core.qp_backend import check_positive
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
-from hqp_rp.core.verify import contradiction, fault_of, with_hard_rows
+from hqp_rp.core.verify import contradiction, fault_of
 
 _EQUALITY = 5  # DAQP's flag of a row whose bounds coincide
 _SHORTEST = 1e-4  # rows shorter than this part of their level's longest weigh as this
@@ -30,14 +30,47 @@ _SAYS = {
 }
 
 
-class _Models:
-    """DAQP workspaces by problem shape; a copy or a pickle of it is empty."""
+class _Room:
+    """Arrays for problems of one shape: the problem with its hard rows on top, what DAQP is given, and DAQP's workspace."""
+
+    def __init__(self, rows: int, n: int, offsets: Any) -> None:
+        from hqp_rp.core.kernels import normalise
+
+        self.kernels = normalise
+        self.stacked = Stacked(np.empty((rows, n)), np.empty(rows), np.empty(rows), offsets)
+        self.rows = np.empty((rows, n))
+        self.low, self.up, self.softness = np.empty(rows), np.empty(rows), np.empty(rows)
+        self.sense = np.empty(rows, np.int32)
+        self.model: Any = None
+        self.no_hard = np.zeros((0, n)), np.zeros(0), np.zeros(0)
+        for array in self.no_hard:  # kernels are compiled for hard rows, which are read-only
+            array.flags.writeable = False
+
+    def fill(self, problem: Problem) -> None:
+        """Take up a problem of this shape."""
+        hard = problem.hard
+        top = self.no_hard if hard is None else (hard.A, hard.lower, hard.upper)
+        self.kernels.stack_rows(*top, *problem.stacked[:3], *self.stacked[:3])
+
+
+class _Rooms:
+    """Rooms by problem shape; a copy or a pickle of it is empty."""
 
     def __init__(self) -> None:
-        self.kept: dict[tuple[Any, ...], Any] = {}
+        self.kept: dict[tuple[Any, ...], _Room] = {}
+
+    def room(self, problem: Problem) -> _Room:
+        """The room of the problems that have the shape of `problem`."""
+        hard = 0 if problem.hard is None else problem.hard.m
+        key = (problem.n, hard, problem.offsets.tobytes())
+        found = self.kept.get(key)
+        if found is None:
+            offsets = np.concatenate(([0], problem.offsets + hard))
+            found = self.kept[key] = _Room(hard + len(problem.matrix), problem.n, offsets)
+        return found
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_Models, ())
+        return (_Rooms, ())
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -75,7 +108,7 @@ class Daqp(Solver):
     primal_tol: float = 1e-9
     max_iterations: int = 10_000
     second_try: bool = True
-    _models: _Models = dataclasses.field(default_factory=_Models, init=False, repr=False, compare=False)
+    _rooms: _Rooms = dataclasses.field(default_factory=_Rooms, init=False, repr=False, compare=False)
 
     name: ClassVar[str] = "daqp"
     summary: ClassVar[str] = "DAQP's hierarchical mode, every answer verified"
@@ -103,7 +136,7 @@ class Daqp(Solver):
 
     def reset(self) -> None:
         """Drop DAQP's workspaces."""
-        self._models.kept.clear()
+        self._rooms.kept.clear()
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
@@ -117,8 +150,10 @@ class Daqp(Solver):
         return solution
 
     def _solve(self, problem: Problem, secondary: FloatArray | None) -> Solution:
-        stacked = with_hard_rows(problem)
-        x, flag, iterations = self._run(stacked, secondary)
+        room = self._rooms.room(problem)
+        room.fill(problem)
+        stacked = room.stacked
+        x, flag, iterations = self._run(room, secondary)
         if flag == 0 or (flag in _ANSWERED and not np.isfinite(x).all()):
             return Solution(problem, None, Status.NOT_FINITE, iterations, "The rows or bounds overflow.", secondary)
         if flag in _ANSWERED:
@@ -129,12 +164,11 @@ class Daqp(Solver):
         self, problem: Problem, stacked: Stacked, x: FloatArray, secondary: FloatArray | None, iterations: int
     ) -> Solution:
         fault = fault_of(problem, x, secondary, self.accept, stacked=stacked)
-        if not fault:
-            return Solution(problem, x, Status.SOLVED, iterations, "", secondary)
-        conflict = contradiction(problem.hard, x) if problem.hard is not None else ""
-        if conflict:
+        if fault and problem.hard is not None and (conflict := contradiction(problem.hard, x)):
             return Solution(problem, None, Status.INFEASIBLE, iterations, conflict, secondary)
-        return Solution(problem, x, Status.INACCURATE, iterations, fault, secondary)
+        solution = Solution(problem, x, Status.INACCURATE if fault else Status.SOLVED, iterations, fault, secondary)
+        solution.held = self.accept
+        return solution
 
     def _without_answer(
         self, problem: Problem, stacked: Stacked, secondary: FloatArray | None, flag: int, iterations: int
@@ -145,47 +179,45 @@ class Daqp(Solver):
         hard = int(stacked.offsets[1])
         if hard and problem.hard is not None:
             # Once more with the hard rows as the first level: the least violation proves or disproves a contradiction.
-            soft = stacked._replace(offsets=np.concatenate(([0], stacked.offsets)))
-            x, again, more = self._run(soft, secondary)
+            softened = _Room(len(stacked.matrix), problem.n, np.concatenate(([0], stacked.offsets)))
+            softened.stacked = stacked._replace(offsets=softened.stacked.offsets)
+            x, again, more = self._run(softened, secondary)
             iterations += more
             if again in _ANSWERED and np.isfinite(x).all():
                 return self._verified(problem, stacked, x, secondary, iterations)
         message = f"DAQP ended without an answer (exit flag {flag}: {_SAYS.get(flag, 'see its documentation')})."
         return Solution(problem, None, Status.INACCURATE, iterations, message, secondary)
 
-    def _run(self, stacked: Stacked, secondary: FloatArray | None) -> tuple[FloatArray, int, int]:
+    def _run(self, room: _Room, secondary: FloatArray | None) -> tuple[FloatArray, int, int]:
         """(x, DAQP's exit flag or 0 when the rows overflow, iterations)."""
-        from hqp_rp.core.kernels.normalise import unit_rows
-
-        matrix, lower, upper, offsets = stacked
-        M, n = matrix.shape
+        M, n = room.rows.shape
         if M == 0:
             return (np.zeros(n) if secondary is None else secondary.copy()), 1, 0
-        rows, low, up, softness = np.empty((M, n)), np.empty(M), np.empty(M), np.empty(M)
-        sense = np.empty(M, np.int32)
         zeta = zeros(n) if secondary is None else secondary
-        if not unit_rows(matrix, lower, upper, offsets, zeta, self.rho, _SHORTEST, rows, low, up, softness, sense):
+        given = (room.rows, room.low, room.up, room.softness, room.sense)
+        if not room.kernels.unit_rows(*room.stacked, zeta, self.rho, _SHORTEST, *given):
             return zeta, 0, 0
-        sense *= _EQUALITY
-        model, flag = self._model(rows, low, up, sense, offsets)
-        if model is None:
+        room.sense *= _EQUALITY
+        flag = self._load(room)
+        if flag < 0:
             return zeta, flag, 0
-        model.soft_weights(softness, softness)
-        x, _, flag, info = model.solve()
+        room.model.soft_weights(room.softness, room.softness)
+        x, _, flag, info = room.model.solve()
         return (x if secondary is None else x + secondary), flag, info["iterations"]
 
-    def _model(self, rows: FloatArray, low: FloatArray, up: FloatArray, sense: Any, offsets: Any) -> tuple[Any, int]:
-        """(model, 1), or (None, DAQP's exit flag) where it refuses: solving a model that it refused ends the process."""
-        key = (rows.shape[1], offsets.tobytes())
-        model = self._models.kept.get(key)
-        if model is not None and model.update(A=rows, bupper=up, blower=low, sense=sense) >= 0:
-            return model, 1
+    def _load(self, room: _Room) -> int:
+        """Give the rows to DAQP: 1, or its exit flag where it refuses: solving a model that it refused ends the process."""
+        if room.model is not None:
+            if room.model.update(A=room.rows, bupper=room.up, blower=room.low, sense=room.sense) >= 0:
+                return 1
+            room.model = None
         import daqp
 
         model = daqp.Model()
         model.settings = {"primal_tol": self.primal_tol, "iter_limit": self.max_iterations}
-        flag = model.setup(np.eye(rows.shape[1]), None, rows, up, low, sense, offsets[1:].astype(np.int32))[0]
+        ends = room.stacked.offsets[1:].astype(np.int32)
+        flag = int(model.setup(np.eye(room.rows.shape[1]), None, room.rows, room.up, room.low, room.sense, ends)[0])
         if flag < 0:
-            return None, flag
-        self._models.kept[key] = model
-        return model, 1
+            return flag
+        room.model = model
+        return 1

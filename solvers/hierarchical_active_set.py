@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar
+import functools
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,9 +13,17 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
-from hqp_rp.core.verify import fault_of, with_hard_rows
+from hqp_rp.core.verify import fault_of
 
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
+
+
+@functools.cache
+def _kernels() -> Any:
+    """The compiled kernels, imported when first needed."""
+    from hqp_rp.core.kernels import active_set
+
+    return active_set
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -22,22 +31,26 @@ class HierarchicalActiveSet(Solver):
     """The lexicographic optimum with two-sided rows at every level and hard rows, to rounding error.
 
     Level by level, `min ||w_k||^2` over the points that keep what earlier levels reached, with w_k the violation of
-    `lower_k <= A_k x <= upper_k`; then `min ||x - zeta||`. Each level is a primal active-set search: the rows that count are
-    factored by orthogonal transformations in the freedom that finished levels left, the step goes as far as the first row
-    allows, and a row leaves when its multiplier has the wrong sign. Rows that a finished level determines leave for good;
-    satisfied rows are kept as rows. After a step of length zero has repeated, Bland's rule chooses, so that it cannot cycle.
+    `lower_k <= A_k x <= upper_k`; then `min ||x - zeta||`. The rows that count are factored by orthogonal transformations in
+    the freedom that finished levels left. A level of equalities whose least squares would cross kept rows gets a guess of its
+    active rows from a dual method on the level made strictly convex; the guess is corrected by block pivots (every row that
+    the step crosses enters, every row whose multiplier has the wrong sign leaves), and where those do not end, a primal search
+    takes over: the step goes as far as the first row allows, one row leaves at a time, and after a step of length zero has
+    repeated Bland's rule chooses, so that it cannot cycle. Whichever way, the same conditions of optimality end the search,
+    from a fresh factorization. Rows that a finished level determines leave for good; satisfied rows are kept as rows.
     Near a singularity, where multipliers close to rounding error decide, the answer is verified before it is called solved;
     where that fails it is `INACCURATE`.
 
     Args:
         rank_tolerance: the library's rank rule, in [0, 1).
-        max_iterations: working sets tried before `Status.ITERATION_LIMIT`; None means 200 + 10 per row.
+        max_iterations: working sets factored (`Solution.iterations` counts them) before `Status.ITERATION_LIMIT`; None means
+            200 + 10 per row.
         warm_start: start from the last answer and its active rows, when the sizes agree. The optimum does not depend on it.
         least_violation: when the hard rows contradict each other, put the point that violates them least (and, among such
             points, the lexicographic optimum) into `x`, still with `Status.INFEASIBLE`; otherwise x is None.
 
-    Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. The level-by-level search with fresh
-    factorizations is ours.
+    Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. Goldfarb and Idnani 1983 for the guess.
+    The level-by-level search with fresh factorizations, guess and block pivots is ours.
     """
 
     rank_tolerance: float = RANK_TOLERANCE
@@ -68,48 +81,36 @@ class HierarchicalActiveSet(Solver):
         self._kept.clear()
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
-        from hqp_rp.core.kernels import active_set
-
-        stacked = with_hard_rows(problem)
-        matrix, lower, upper, starts = stacked
-        hard = int(starts[1])
+        active_set = _kernels()
+        matrix, lower, upper, starts = problem.with_hard
+        hard = 0 if problem.hard is None else problem.hard.m
         rows = len(matrix)
         key = (rows, problem.n, hard)
         kept = self._kept.get(key) if self.warm_start else None
         if kept is None:
-            x = np.zeros(problem.n)
-            side = np.zeros(rows, np.int64)
+            x, side = np.zeros(problem.n), np.zeros(rows, np.int64)
         else:
             x, side = kept[0].copy(), kept[1].copy()
         limit = 200 + 10 * rows if self.max_iterations is None else self.max_iterations
         free = zeros(problem.n) if secondary is None else secondary
+        tolerance, go_on = self.rank_tolerance, self.least_violation
         try:
             code, iterations = active_set.hierarchical_active_set(
-                matrix,
-                lower,
-                upper,
-                starts,
-                hard,
-                free,
-                self.rank_tolerance,
-                limit,
-                self.least_violation,
-                x,
-                side,
+                matrix, lower, upper, starts, hard, free, tolerance, limit, go_on, x, side
             )
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             code, iterations = active_set.NOT_FINITE, 0
         if code in (active_set.SOLVED, active_set.DELICATE):
+            fault = ""
             if self.warm_start:
                 self._kept[key] = (x, side)
-            answer = x.copy() if self.warm_start else x
-            fault = ""
+                x = x.copy()
             if code == active_set.DELICATE:
-                fault = fault_of(
-                    problem, answer, secondary, self.tolerance, stacked=stacked, rank_tolerance=self.rank_tolerance
-                )
+                fault = fault_of(problem, x, secondary, self.tolerance, rank_tolerance=tolerance)
             status = Status.INACCURATE if fault else Status.SOLVED
-            return Solution(problem, answer, status, iterations, fault, secondary)
+            solution = Solution(problem, x, status, iterations, fault, secondary)
+            solution.held = side  # a warm start begins with a copy
+            return solution
         self._kept.pop(key, None)
         if code == active_set.INFEASIBLE:
             names = ", ".join(str(i) for i in np.flatnonzero(side))

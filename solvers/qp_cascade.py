@@ -5,13 +5,10 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar
 
-import numpy as np
-
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
-from hqp_rp.core.qp_level import Cascade, Memory
-from hqp_rp.core.qp_workspace import Workspace, descend
+from hqp_rp.core.qp_workspace import Workspace
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 
@@ -85,19 +82,12 @@ class QpCascade(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
-        memory = self._workspace.memory(problem)
-        warm = bool(memory)
-        solution = self._solve(problem, secondary, memory)
-        if warm and solution.status not in (Status.SOLVED, Status.INFEASIBLE):
+        desk = self._workspace.desk(problem)
+        warm = desk.used
+        backend = self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
+        solution = desk.solve(problem, secondary, backend, self.tolerance, polish=self.polish)
+        if warm and solution.status is not Status.SOLVED and solution.status is not Status.INFEASIBLE:
             # What is kept between calls must never cost an answer: once more, from nothing.
             self.reset()
-            solution = self._solve(problem, secondary, self._workspace.memory(problem))
+            return self.solve(problem, secondary)
         return solution
-
-    def _solve(self, problem: Problem, secondary: FloatArray | None, memory: dict[int, Memory]) -> Solution:
-        start = np.zeros(problem.n) if secondary is None else secondary
-        backend = self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
-        rows = len(problem.matrix) + (0 if problem.hard is None else problem.hard.m) + problem.n
-        cascade = Cascade(start, rows, backend, memory, polish=self.polish)
-        x, status, message = descend(cascade, problem, secondary, self.tolerance)
-        return Solution(problem, x, status, cascade.iterations, message, secondary)

@@ -18,18 +18,6 @@ _ROUNDING = 1e-15  # relative: a row missed by this much is met
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
 
 
-class UnilateralSolution(Solution):
-    """A `Solution` that also names the hard rows that took part.
-
-    Attributes:
-        active: (m,) int64, for each hard row -1 held at its lower bound, +1 at its upper (or an equality), 0 not active.
-    """
-
-    __slots__ = ("active",)
-
-    active: np.ndarray[tuple[int], np.dtype[np.int64]]
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ReversePriorityUnilateral(ClosedForm):
     """Reverse priority (29) on the levels, then one more step for the hard rows that would otherwise be violated.
@@ -54,8 +42,6 @@ class ReversePriorityUnilateral(ClosedForm):
     Args:
         damping: `NoDamping` or `ConstantDamping`, of the pseudo-inverse that gives each T_k, T_0 included.
         max_iterations: working sets tried before `Status.ITERATION_LIMIT`.
-
-    Returns a `UnilateralSolution`.
 
     Source: Flacco and De Luca 2015; the paper, (23)-(29).
     """
@@ -92,12 +78,11 @@ class ReversePriorityUnilateral(ClosedForm):
         """The answer with the least disturbance of the levels; see `Solver.solve`."""
         solution = super().solve(problem, secondary)
         hard = problem.hard
-        if solution.x is None or hard is None or not hard.m:
+        if solution.x is None:
             return solution
-        if hard_excess(hard, solution.x) <= _ROUNDING:  # no row is active
-            free = UnilateralSolution(problem, solution.x, Status.SOLVED, 0, "", secondary)
-            free.active = np.zeros(hard.m, np.int64)
-            return free
+        if hard is None or hard_excess(hard, solution.x) <= _ROUNDING:  # no hard row is active
+            solution.held = np.zeros(len(problem.matrix) + (0 if hard is None else hard.m), np.int8)
+            return solution
         return self._held(problem, hard, solution.x, secondary)
 
     def _held(self, problem: Problem, hard: Level, y: FloatArray, secondary: FloatArray | None) -> Solution:
@@ -109,17 +94,17 @@ class ReversePriorityUnilateral(ClosedForm):
         kept = rows @ y
         lower, upper = np.concatenate((hard.lower, kept)), np.concatenate((hard.upper, kept))
         offsets = np.array([0, m, m + M])
-        x, side, conflict = y.copy(), np.zeros(m + M, np.int64), np.zeros(m + M, np.int64)
+        x, side = y.copy(), np.zeros(m + M, np.int64)
         try:
             code, iterations = active_set.hierarchical_active_set(
-                matrix, lower, upper, offsets, m, y, self.rank_tolerance, self.max_iterations, False, x, side, conflict
+                matrix, lower, upper, offsets, m, y, self.rank_tolerance, self.max_iterations, False, x, side
             )
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             code, iterations = active_set.NOT_FINITE, 0
         if code == active_set.NOT_FINITE:
             return Solution(problem, None, Status.NOT_FINITE, iterations, _OVERFLOW, secondary)
         if code == active_set.INFEASIBLE:
-            named = ", ".join(str(i) for i in np.flatnonzero(conflict[:m]))
+            named = ", ".join(str(i) for i in np.flatnonzero(side[:m]))
             message = f"Hard rows {named} contradict each other: no x meets them all."
             return Solution(problem, None, Status.INFEASIBLE, iterations, message, secondary)
         if code == active_set.LIMIT:
@@ -128,8 +113,9 @@ class ReversePriorityUnilateral(ClosedForm):
         excess = hard_excess(hard, x)
         message = "" if excess <= self.tolerance else f"A hard row is violated by a relative {excess:.1e}."
         status = Status.INACCURATE if message else Status.SOLVED
-        solution = UnilateralSolution(problem, x, status, iterations, message, secondary)
-        solution.active = side[:m].copy()
+        solution = Solution(problem, x, status, iterations, message, secondary)
+        solution.held = np.zeros(m + len(problem.matrix), np.int8)
+        solution.held[:m] = side[:m]
         return solution
 
     def _disturbance_rows(self, problem: Problem) -> FloatArray:

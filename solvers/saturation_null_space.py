@@ -14,6 +14,7 @@ from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
 
 VARIANTS = ("basic", "optimal")
+_SATURATED = 1e-12  # relative: an unknown this near to its bound is held there
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
 
 
@@ -151,4 +152,5 @@ class SaturationNullSpace(Solver):
             )
         solution = ScaledSolution(problem, x, status, tried, message, secondary)
         solution.scales = scales
+        solution.held = _SATURATED
         return solution

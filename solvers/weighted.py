@@ -11,8 +11,7 @@ import numpy as np
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
-from hqp_rp.core.qp_level import Cascade
-from hqp_rp.core.qp_workspace import Workspace, descend
+from hqp_rp.core.qp_workspace import Workspace
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 
@@ -99,14 +98,15 @@ class Weighted(Solver):
         if problem.is_equality and (problem.hard is None or problem.hard.m == 0):
             return self._least_squares(problem, A, lower, start, secondary)
         backend = self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
-        memory = self._workspace.memory(problem)
-        hard = 0 if problem.hard is None else problem.hard.m
-        cascade = Cascade(start, len(A) + hard + problem.n, backend, memory, polish=True)
         # The promise is about the weighted sum: as one level it is solved and judged like any other.
+        hard = 0 if problem.hard is None else problem.hard.m
         offsets = np.array([0, len(A)], dtype=np.int64)
         as_one = Problem.from_stacked(A, lower, upper, offsets, names=[SUM], hard=problem.hard, check=False)
-        x, status, message = descend(cascade, as_one, secondary, self.tolerance)
-        return Solution(problem, x, status, cascade.iterations, message, secondary)
+        found = self._workspace.desk(as_one).solve(as_one, secondary, backend, self.tolerance, polish=True)
+        solution = Solution(problem, found.x, found.status, found.iterations, found.message, secondary)
+        if isinstance(found.held, np.ndarray):
+            solution.held = found.held[: hard + len(problem.matrix)]
+        return solution
 
     def _stacked(self, problem: Problem, start: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """All rows times the square roots of their weights, and the damping as rows `sqrt(damping) x`."""
@@ -135,4 +135,6 @@ class Weighted(Solver):
                 x = np.full(problem.n, np.nan)
         if not np.isfinite(x).all():
             return Solution(problem, None, Status.NOT_FINITE, 0, "x holds infinite or undefined numbers.", secondary)
-        return Solution(problem, x, Status.SOLVED, 0, "", secondary)
+        solution = Solution(problem, x, Status.SOLVED, 0, "", secondary)
+        solution.held = np.zeros(len(problem.matrix), np.int8)
+        return solution

@@ -13,7 +13,6 @@ import numpy as np
 from hqp_rp.compare.contestants import variants
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solver import Solver, all_solvers, get_solver
-from hqp_rp.core.verify import with_hard_rows
 
 Call = Callable[[], Any]
 
@@ -134,7 +133,7 @@ def _daqp_defaults(problems: Sequence[Problem]) -> list[Call]:
 
     calls: list[Call] = []
     for problem in problems:
-        matrix, lower, upper, offsets = with_hard_rows(problem)
+        matrix, lower, upper, offsets = problem.with_hard
         sense = np.where(lower == upper, _EQUALITY_ROW, 0).astype(np.int32)
         ends = offsets[1:].astype(np.int32)
         arrays = (np.array(matrix), np.array(upper), np.array(lower))
@@ -161,7 +160,7 @@ def _daqp_accurate(problems: Sequence[Problem], warm: bool = False) -> list[Call
 
     calls: list[Call] = []
     for problem in problems:
-        matrix, lower, upper, offsets = with_hard_rows(problem)
+        matrix, lower, upper, offsets = problem.with_hard
         rows, low, up, softness = (
             np.empty_like(matrix),
             np.empty_like(lower),

@@ -90,7 +90,10 @@ class ClosedForm(Solver):
             code = 0.0
         if not code:
             return Solution(problem, None, Status.NOT_FINITE, 0, _OVERFLOW, secondary)
-        return self._judged(Solution(problem, x, Status.SOLVED, 0, "", secondary), code)
+        solution = Solution(problem, x)
+        if secondary is not None:
+            solution.secondary = secondary
+        return solution if code is True else self._judged(solution, code)
 
     def batch_kernel(self) -> int | None:
         """Which closed form of `kernels.batch` this is, or None when it has none (problems are then solved one by one)."""
@@ -123,4 +126,5 @@ class ClosedForm(Solver):
         x[code == 0.0] = np.nan
 
     def _judged(self, solution: Solution, code: float) -> Solution:
+        """What a kernel that returns more than True says of its answer."""
         return solution

@@ -52,6 +52,21 @@ class SlackQP(NamedTuple):
         return matrix
 
 
+class DenseQP(NamedTuple):
+    """The same QP with the slacks as unknowns, for a back end that takes dense matrices: unknowns (t, s), N = n + soft.
+
+    Args:
+        H: (N, N). g: (N,). C: (m, N). lower, upper: (m,), cut at `INFINITE`. start: (N,) the guess that belongs to it.
+    """
+
+    H: FloatArray
+    g: FloatArray
+    C: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    start: FloatArray
+
+
 class Outcome(enum.Enum):
     """What a back end says of its own run; nobody takes its word for it."""
 
@@ -61,7 +76,7 @@ class Outcome(enum.Enum):
 
 
 class QPAnswer(NamedTuple):
-    """What a back end returned: t (n,) (None when it failed without any), y (m,) multipliers (> 0 at an upper bound,
+    """What a back end returned: t (n,) or longer (None when it failed without any), y (m,) multipliers (> 0 at an upper bound,
     < 0 at a lower one; `hessian * t + gradient + rows^T y = 0`), its own verdict, its iterations, and what it said."""
 
     t: FloatArray | None
@@ -74,14 +89,22 @@ class QPAnswer(NamedTuple):
 class Backend(abc.ABC):
     """A QP solver with the workspaces it keeps. Not safe to share between threads.
 
-    `reused`: whether the last solve went through a workspace of an earlier one.
+    `reused`: whether the last solve went through a workspace of an earlier one. `wants_dense`: whether it profits from a
+    `DenseQP` beside the `SlackQP`.
     """
 
     reused: bool = False
+    wants_dense: bool = False
 
     @abc.abstractmethod
-    def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
-        """Solve `qp`, starting from `guess` = (t (n,), y (m,)) where the back end can use one."""
+    def solve(
+        self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
+    ) -> QPAnswer:
+        """Solve `qp`, starting from `guess` = (t (n,), y (m,)) where the back end can use one.
+
+        With `dense`, the same QP and guess with slacks, the answer may be a view that the next solve overwrites, t with the
+        slacks behind it.
+        """
 
     def reset(self) -> None:
         """Drop every workspace."""
@@ -98,11 +121,14 @@ class QpsolversBackend(Backend):
     """Any other solver by its qpsolvers name, built anew at each call, at tight tolerances where we know their names.
 
     Solvers that need a positive definite Hessian (quadprog, DAQP) are led to the answer by a few proximal steps on the
-    directions without curvature (Rockafellar 1976).
+    directions without curvature (Rockafellar 1976). Every QP put here can be met; where many rows pass through one point,
+    rounding makes quadprog call it inconsistent all the same, so a QP without an answer is tried once more with its bounds
+    moved apart by a tenth of eps_abs.
     """
 
     _PROXIMAL = 1e-4
     _PROXIMAL_STEPS = 20
+    _APART = 0.1
 
     def __init__(self, name: str, eps_abs: float, max_iterations: int) -> None:
         import qpsolvers
@@ -122,7 +148,9 @@ class QpsolversBackend(Backend):
         self._options = known.options
         self._needs_definite = known.definite
 
-    def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
+    def solve(
+        self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
+    ) -> QPAnswer:
         n, m, soft = qp.shape
         hessian = np.concatenate([qp.hessian, np.ones(soft)])
         gradient = np.concatenate([qp.gradient, np.zeros(soft)])
@@ -138,6 +166,10 @@ class QpsolversBackend(Backend):
         for _ in range(steps):
             solves += 1
             answer = self._solve_once(matrix, qp, hessian + proximal, gradient - proximal * centre)
+            if answer.t is None and m:
+                apart = self._APART * self._eps_abs
+                wider = qp._replace(lower=qp.lower - apart, upper=qp.upper + apart)
+                answer = self._solve_once(matrix, wider, hessian + proximal, gradient - proximal * centre)
             if answer.t is None or answer.outcome is not Outcome.CONVERGED:
                 return answer._replace(t=None if answer.t is None else answer.t[:n])
             moved = float(np.abs(proximal * (answer.t - centre)).max())

@@ -8,12 +8,12 @@ import functools
 import io
 import math
 import weakref
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.qp_backend import INFINITE, Backend, Outcome, QPAnswer, SlackQP
+from hqp_rp.core.qp_backend import INFINITE, Backend, DenseQP, Outcome, QPAnswer, SlackQP
 
 _INNER_ITERATIONS = 100
 _NEVER = 1e-15
@@ -23,9 +23,9 @@ _NONE = np.zeros(0)
 @functools.cache
 def qp_kernels() -> Any:
     """The compiled kernels, imported when first needed."""
-    from hqp_rp.core.kernels import qp
+    from hqp_rp.core.kernels import qp_slacks
 
-    return qp
+    return qp_slacks
 
 
 _alive: weakref.WeakSet[ProxQPBackend] = weakref.WeakSet()
@@ -38,6 +38,17 @@ def _let_go() -> None:
         vars(backend).clear()
 
 
+class _Kept(NamedTuple):
+    """ProxQP's objects for QPs of one shape, views of its answers, and the Hessian that it holds where it never changes."""
+
+    solver: Any
+    settings: Any
+    x: FloatArray
+    z: FloatArray
+    info: Any
+    hessian: FloatArray | None = None
+
+
 class ProxQPBackend(Backend):
     """ProxQP's dense interface: a proximal augmented Lagrangian (Bambade, El-Kazdadi, Taylor and Carpentier, RSS 2022).
 
@@ -45,6 +56,8 @@ class ProxQPBackend(Backend):
     and was seen to stall for seconds: its outer iterations are bounded by `max_iterations`, the inner ones of each by a
     constant.
     """
+
+    wants_dense = True
 
     def __init__(self, eps_abs: float, max_iterations: int) -> None:
         from proxsuite import proxqp
@@ -55,53 +68,63 @@ class ProxQPBackend(Backend):
         self._max_iterations = max_iterations
         self._cold = proxqp.InitialGuess.EQUALITY_CONSTRAINED_INITIAL_GUESS
         self._warm = proxqp.InitialGuess.WARM_START
-        outputs = proxqp.QPSolverOutput
-        self._outcomes = {
-            outputs.PROXQP_SOLVED: Outcome.CONVERGED,
-            outputs.PROXQP_MAX_ITER_REACHED: Outcome.LIMIT,
-        }
-        # Of each shape: the workspace, its settings and results, and the Hessian that it holds.
-        self._workspaces: dict[tuple[int, int, int], tuple[Any, Any, Any, FloatArray | None]] = {}
+        self._solved = proxqp.QPSolverOutput.PROXQP_SOLVED
+        self._limit = proxqp.QPSolverOutput.PROXQP_MAX_ITER_REACHED
+        self._workspaces: dict[tuple[int, int, int], _Kept] = {}
 
-    def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
-        shape = qp.shape
-        n, m, soft = shape
+    def solve(
+        self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
+    ) -> QPAnswer:
+        shape = (len(qp.gradient), len(qp.lower), qp.soft)
+        lent = dense is not None
         kept = self._workspaces.get(shape)
         self.reused = kept is not None
-        solver, settings, results, hessian = (*self._new(n + soft, m), None) if kept is None else kept
-        y = _NONE
-        if m == 0:
-            if hessian is qp.hessian:
-                solver.update(g=qp.gradient)
-            else:
-                settings.initial_guess = self._cold
-                (solver.init if kept is None else solver.update)(np.diag(qp.hessian), qp.gradient)
-                self._workspaces[shape] = (solver, settings, results, qp.hessian)
-            solver.solve()
-            t = results.x
+        if shape[1] == 0:
+            kept = self._without_rows(qp, kept)
+            y = _NONE
         else:
+            if dense is None:
+                t, y = (qp.gradient, qp.lower) if guess is None else guess
+                dense = DenseQP(*qp_kernels().with_slacks(*qp, INFINITE, t, y))
             if kept is None:
-                self._workspaces[shape] = (solver, settings, results, None)
-            t, y = (qp.gradient, qp.lower) if guess is None else guess
-            H, g, C, lower, upper, start = qp_kernels().with_slacks(*qp, INFINITE, t, y)
-            settings.initial_guess = self._cold if guess is None else self._warm
-            (solver.init if kept is None else solver.update)(H, g, None, None, C, lower, upper)
-            if guess is None:
-                solver.solve()
+                kept = self._workspaces[shape] = self._new(shape[0] + shape[2], shape[1])
+                pass_on = kept.solver.init
             else:
-                solver.solve(start, None, y)
-            t, y = results.x[:n], results.z.copy()
-        info = results.info
-        t = t.copy()
-        if not math.isfinite((t @ t) + (y @ y) if m else t @ t):
+                pass_on = kept.solver.update
+            kept.settings.initial_guess = self._cold if guess is None else self._warm
+            pass_on(dense.H, dense.g, None, None, dense.C, dense.lower, dense.upper)
+            if guess is None:
+                kept.solver.solve()
+            else:
+                kept.solver.solve(dense.start, None, guess[1])
+            y = kept.z
+        info = kept.info
+        status = info.status
+        t = kept.x
+        if not lent:
+            t, y = t[: shape[0]].copy(), y.copy()
+        if status == self._solved:
+            return QPAnswer(t, y, Outcome.CONVERGED, info.iter)
+        if not math.isfinite((t @ t) + (y @ y)):
             # A NaN stays in a workspace for good.
             del self._workspaces[shape]
-            return QPAnswer(None, np.zeros(m), Outcome.FAILED, int(info.iter), "ProxQP returned NaN")
-        outcome = self._outcomes.get(info.status, Outcome.FAILED)
-        message = "" if outcome is Outcome.CONVERGED else f"ProxQP ended with {info.status.name}"
-        return QPAnswer(t, y, outcome, int(info.iter), message)
+            return QPAnswer(None, np.zeros(shape[1]), Outcome.FAILED, info.iter, "ProxQP returned NaN")
+        outcome = Outcome.LIMIT if status == self._limit else Outcome.FAILED
+        return QPAnswer(t.copy(), y.copy(), outcome, info.iter, f"ProxQP ended with {status.name}")
 
-    def _new(self, n: int, m: int) -> tuple[Any, Any, Any]:
+    def _without_rows(self, qp: SlackQP, kept: _Kept | None) -> _Kept:
+        if kept is not None and kept.hessian is qp.hessian:
+            kept.solver.update(None, qp.gradient)
+        else:
+            fresh = kept is None
+            kept = (self._new(len(qp.gradient), 0) if kept is None else kept)._replace(hessian=qp.hessian)
+            self._workspaces[len(qp.gradient), 0, 0] = kept
+            kept.settings.initial_guess = self._cold
+            (kept.solver.init if fresh else kept.solver.update)(np.diag(qp.hessian), qp.gradient)
+        kept.solver.solve()
+        return kept
+
+    def _new(self, n: int, m: int) -> _Kept:
         dense = self._proxqp.dense
         solver = dense.QP(n, 0, m, False, dense.HessianType.Diagonal)
         settings = solver.settings
@@ -115,7 +138,8 @@ class ProxQPBackend(Backend):
         settings.eps_primal_inf = settings.eps_dual_inf = _NEVER
         settings.max_iter = self._max_iterations
         settings.max_iter_in = _INNER_ITERATIONS
-        return solver, settings, solver.results
+        results = solver.results
+        return _Kept(solver, settings, results.x, results.z, results.info)
 
     def reset(self) -> None:
         self._workspaces.clear()
@@ -144,7 +168,9 @@ class OSQPBackend(Backend):
         }
         self._workspaces: dict[tuple[int, int, int], Any] = {}
 
-    def solve(self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None) -> QPAnswer:
+    def solve(
+        self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
+    ) -> QPAnswer:
         n, m, soft = qp.shape
         hessian = np.concatenate([qp.hessian, np.ones(soft)])
         gradient = np.concatenate([qp.gradient, np.zeros(soft)])

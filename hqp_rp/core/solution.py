@@ -6,6 +6,9 @@ import enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from hqp_rp.core.diagnostics import LevelReport
     from hqp_rp.core.problem import FloatArray, Problem
 
@@ -36,9 +39,12 @@ class Solution:
         message: a sentence with the details of a status that is not `SOLVED`; empty otherwise.
         problem: the problem that was solved.
         secondary: (n,) free vector that was given, or None.
+        held: what a solver says for `active`: (hard.m + M,) integers, -1 or +1 for each satisfied row that it holds at its
+            lower or upper bound; or, where its method tells no more, a number: rows this near to a bound, relative to
+            ||a_i|| ||x|| + |bound|, are held; or None.
     """
 
-    __slots__ = ("_levels", "iterations", "message", "problem", "secondary", "status", "x")
+    __slots__ = ("_active", "_levels", "held", "iterations", "message", "problem", "secondary", "status", "x")
 
     def __init__(
         self,
@@ -55,7 +61,40 @@ class Solution:
         self.iterations = iterations
         self.message = message
         self.secondary = secondary
+        self.held: NDArray[np.integer] | float | None = None
         self._levels: tuple[LevelReport, ...] | None = None
+        self._active: NDArray[np.int8] | None = None
+
+    @property
+    def active(self) -> NDArray[np.int8] | None:
+        """Which rows determine x: (hard.m + M,) int8, hard rows first, then the rows of the levels as they are stacked.
+
+        ::
+
+            +1   an equality (at both its bounds), always
+            +1   above its upper bound, -1 below its lower one: a row of a level that x violates
+            +1   at its upper bound, -1 at its lower one: a satisfied row that holds x back, as the solver says
+             0   every other row: within its bounds, or touching one that x would keep without it
+
+        A row is violated when it misses its bound by more than 1e-9 of ||a_i|| ||x|| + |bound|. What "holds x back" means is
+        the solver's: a multiplier beyond its tolerance (`qp_cascade`, `weighted`), a place in the final working set
+        (`hierarchical_active_set`, `reverse_priority_unilateral`), a row at its bound to the declared tolerance (`daqp`, which
+        reports no multipliers of finished levels) or to rounding error (`saturation_null_space`). They differ only where a
+        multiplier is zero or not unique. Computed when first asked for. None where there is no x, or where the solver does
+        not say.
+        """
+        if self._active is None and self.x is not None and self.held is not None:
+            from hqp_rp.core.active import active_rows
+
+            self._active = active_rows(self.problem, self.x, self.held)
+        return self._active
+
+    @property
+    def active_rows(self) -> tuple[str, ...] | None:
+        """The inequality rows among `active` in words, such as "velocity[3] at its upper bound"; None where `active` is."""
+        from hqp_rp.core.active import in_words
+
+        return None if self.active is None else in_words(self.problem, self.active)
 
     @property
     def levels(self) -> tuple[LevelReport, ...]:

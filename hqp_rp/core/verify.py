@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 import numpy as np
 
 from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.diagnostics import row_norms
 from hqp_rp.core.problem import FloatArray, Level, Problem, Stacked
 from hqp_rp.core.solver import RANK_TOLERANCE
-
-
-def with_hard_rows(problem: Problem) -> Stacked:
-    """The stacked arrays of `problem` with the hard rows (none: an empty level) as level 0; not to be written to."""
-    return problem.with_hard
 
 
 def fault_of(
@@ -22,6 +20,7 @@ def fault_of(
     tolerance: float,
     *,
     stacked: Stacked | None = None,
+    tried: bool = False,
     rank_tolerance: float = RANK_TOLERANCE,
 ) -> str:
     """ "" when x (n,) is the lexicographic optimum of `problem` to the relative `tolerance`, else a sentence that says why not.
@@ -31,17 +30,17 @@ def fault_of(
 
     Args:
         problem, x, secondary, tolerance, rank_tolerance: as for `certify`; not checked.
-        stacked: `with_hard_rows(problem)`, where the caller has it already.
+        stacked: `problem.with_hard` as the caller has it already; None takes it from the problem.
+        tried: the compiled proof has been tried already, and has not succeeded.
     """
-    from hqp_rp.core.kernels.verify import proven_optimal
-
-    matrix, lower, upper, offsets = with_hard_rows(problem) if stacked is None else stacked
-    zeta = zeros(problem.n) if secondary is None else secondary
-    try:
-        if proven_optimal(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
-            return ""
-    except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow: no proof
-        pass
+    if not tried:
+        matrix, lower, upper, offsets = problem.with_hard if stacked is None else stacked
+        zeta = zeros(problem.n) if secondary is None else secondary
+        try:
+            if _proof()(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
+                return ""
+        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow: no proof
+            pass
     from hqp_rp.core.certificate import certify
 
     try:
@@ -50,6 +49,14 @@ def fault_of(
     except (ValueError, np.linalg.LinAlgError):
         return "The answer could not be verified: its residuals overflow."
     return "" if certificate.ok else certificate.sentence
+
+
+@functools.cache
+def _proof() -> Callable[..., bool]:
+    """The compiled proof, imported when first needed."""
+    from hqp_rp.core.kernels.verify import proven_optimal
+
+    return proven_optimal
 
 
 def hard_excess(hard: Level | None, x: FloatArray) -> float:

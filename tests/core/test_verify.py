@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqp_rp import Level, Problem, certify, truth
+from hqp_rp import Level, Problem, certify, solve, truth
+from hqp_rp.compare.bench_families import family
 from hqp_rp.core.kernels.verify import proven_optimal
-from hqp_rp.core.verify import contradiction, fault_of, hard_excess, with_hard_rows
+from hqp_rp.core.verify import contradiction, fault_of, hard_excess
 from tests.problems import boxed, independent, over_constrained, two_sided
 
 CASES = [
@@ -27,7 +28,7 @@ def test_the_proof_never_accepts_what_the_certificate_rejects(problem: Problem) 
     zeta = np.linspace(-1.0, 1.0, problem.n)
     for secondary in (None, zeta):
         right = truth(problem, secondary).x
-        stacked = with_hard_rows(problem)
+        stacked = problem.with_hard
         proven = []
         for size in (0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3, 1e-1):
             x = right + size * rng.standard_normal(problem.n)
@@ -41,12 +42,28 @@ def test_the_proof_never_accepts_what_the_certificate_rejects(problem: Problem) 
         assert not proven[-1]
 
 
+@pytest.mark.parametrize("name", ["7_limits", "humanoid_20", "humanoid_40"])
+def test_at_a_tight_tolerance_with_many_active_rows(name: str) -> None:
+    rng = np.random.default_rng(0)
+    refused = 0
+    for problem in family(name, quick=True).problems[:8]:
+        right = solve(problem, "hierarchical_active_set").x
+        stacked = problem.with_hard
+        for size in (0.0, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6):
+            x = right + size * np.linalg.norm(right) * rng.standard_normal(problem.n)
+            proof = proven_optimal(*stacked, x, np.zeros(problem.n), 1e-9, 1e-12)
+            assert not proof or certify(problem, x, tolerance=1e-9).ok
+            assert proof or size >= 1e-10  # what rounding leaves needs no second opinion
+            refused += not proof
+    assert refused > 4
+
+
 def test_hard_rows_are_on_top() -> None:
     problem = boxed(independent(0), 0.3)
-    stacked = with_hard_rows(problem)
+    stacked = problem.with_hard
     np.testing.assert_array_equal(stacked.matrix[:7], np.eye(7))
     np.testing.assert_array_equal(stacked.offsets, [0, 7, 10, 13])
-    np.testing.assert_array_equal(with_hard_rows(independent(0)).offsets, [0, 0, 3, 6])
+    np.testing.assert_array_equal(independent(0).with_hard.offsets, [0, 0, 3, 6])
     assert hard_excess(problem.hard, np.zeros(7)) == 0.0
     assert hard_excess(None, np.ones(7)) == 0.0
     x = np.zeros(7)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hqp_rp.core.solution import Status
 from hqp_rp.core.solver import get_solver
 from hqp_rp.scenarios.joint_limit_reach import JointLimitReach
 from tests.scenarios.crossings import by_case, measured, run
@@ -58,3 +59,12 @@ def test_saturation_keeps_every_limit_and_comes_back_to_the_target(variant: str)
             assert measured(steps, name).max() < 1e-9
         assert measured(steps, "acceleration limit violation [rad/s^2]").max() < 1e-7
         assert measured(steps, "tool position error [m]")[-1] < 0.02
+
+
+def test_where_many_limits_meet_in_one_point_quadprog_still_has_an_answer() -> None:
+    # Rounding makes quadprog call some of these QPs inconsistent; without an answer the tool would stop for a period.
+    steps = by_case(run(JointLimitReach(), get_solver("qp_cascade", backend="quadprog")))["hard limits"]
+    assert all(step.solution.status is Status.SOLVED for step in steps)
+    reference = get_solver("hierarchical_active_set")
+    for step in steps:
+        np.testing.assert_allclose(step.solution.x, reference.solve(step.problem).x, atol=1e-8)

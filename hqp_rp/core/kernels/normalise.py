@@ -57,3 +57,15 @@ def unit_rows(A, lower, upper, offsets, zeta, rho, lowest, rows, low, up, softne
                 return False
             softness[i] = rho / max(length / longest, lowest) ** 2
     return True
+
+
+@kernel
+def stack_rows(hard, hard_lower, hard_upper, matrix, lower, upper, A, low, up):
+    """Fill A (M, n), low, up (M,) with the hard rows and, below them, the levels' rows."""
+    h = len(hard)
+    A[:h] = hard
+    low[:h] = hard_lower
+    up[:h] = hard_upper
+    A[h:] = matrix
+    low[h:] = lower
+    up[h:] = upper
