@@ -1,11 +1,14 @@
 """The hierarchical active set against exact truth and the certificate, on equalities, two-sided levels and hard rows."""
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, solve, truth
+from hqp_rp.compare.bench_families import family
 from tests import reference
 from tests.problems import EQUALITY_CASES, boxed, independent, near_singular, over_constrained, scaled, two_sided
 
@@ -147,18 +150,30 @@ def test_a_step_across_a_narrow_band_meets_its_other_side():
         np.testing.assert_allclose(solve(wide, NAME).x, truth(wide).x, atol=1e-10)
 
 
-def test_warm_and_cold_agree_along_a_path_and_warm_takes_fewer_iterations():
+def assert_warm_is_cheaper(problems: Iterable[Problem], share: float) -> None:
     warm, cold = get_solver(NAME), get_solver(NAME, warm_start=False)
-    base = over_constrained(3, rows=(3, 3, 7))
     counts = {"warm": 0, "cold": 0}
-    for t in np.linspace(0.0, 1.0, 60):
-        levels = [Level.equality(level.A, level.lower * (1.0 + t), name=level.name) for level in base.levels]
-        problem = boxed(Problem(levels), 0.5)
+    for problem in problems:
         first, second = warm.solve(problem), cold.solve(problem)
         np.testing.assert_allclose(first.x, second.x, atol=1e-11)
         counts["warm"] += first.iterations
         counts["cold"] += second.iterations
-    assert counts["warm"] < 0.7 * counts["cold"]
+    assert counts["warm"] < share * counts["cold"]
+
+
+def test_warm_and_cold_agree_along_a_path_and_warm_takes_fewer_iterations():
+    base = over_constrained(3, rows=(3, 3, 7))
+
+    def path() -> Iterator[Problem]:
+        for t in np.linspace(0.0, 1.0, 60):
+            levels = [Level.equality(level.A, level.lower * (1.0 + t), name=level.name) for level in base.levels]
+            yield boxed(Problem(levels), 0.5)
+
+    assert_warm_is_cheaper(path(), 0.8)
+
+
+def test_a_warm_start_saves_more_where_more_rows_are_active():
+    assert_warm_is_cheaper(family("humanoid_40_path").problems[:60], 0.7)
 
 
 @pytest.mark.parametrize("factors", [(2.0**498, 2.0**-498, 1.0), (2.0**-498, 2.0**498, 2.0**-498)])
