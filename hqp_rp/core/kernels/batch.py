@@ -32,14 +32,12 @@ SINGULARITY_ROBUST = 6
 def batch_one_by_one(which, A, b, offsets, Z, tol, kind, first, second, X, code):
     """A closed form on problems i = 0 ... N - 1: A (N, M, n), b (N, M), Z (N, n) or (1, n) free vectors.
 
-    Fills X (N, n) and code (N,), what the closed form returned. `which` is one of the numbers above; one compiled loop
-    serves them all, since numba cannot cache a function that takes another as its argument.
+    Fills X (N, n) and code (N,), what the closed form returned. `which` is one of the numbers above but
+    `NULL_SPACE`, which `batch_null_space` serves; one compiled loop for all, since numba cannot cache a function that takes another as its argument.
     """
     for i in range(len(A)):
         z = Z[i % len(Z)]
-        if which == NULL_SPACE:
-            code[i] = null_space(A[i], b[i], offsets, z, tol, kind, first, second, X[i])
-        elif which == NULL_SPACE_PROJECTOR:
+        if which == NULL_SPACE_PROJECTOR:
             code[i] = null_space_projector(A[i], b[i], offsets, z, tol, kind, first, second, X[i])
         elif which == COLUMNS_FORM:
             code[i] = columns_form(A[i], b[i], offsets, z, tol, kind, first, second, X[i])

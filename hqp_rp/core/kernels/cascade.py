@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from hqp_rp.core.kernels.compile import kernel, lean
+from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
     frobenius,
     level_least_squares,
     load,
-    padded,
     spectral,
     svd_level,
     triangle,

@@ -7,7 +7,7 @@ min ||u||^2 in u = (R y_1 - q, WEIGHT y_2), s = Q y, whose dual needs the Gram m
 or leaves for O(rows * unknowns), where the exact search factors afresh. Nothing here has to be accurate: the exact search
 starts from the rows found and accepts nothing else than its own conditions of optimality.
 
-Source: Goldfarb and Idnani 1983; Arnstroem, Bemporad and Axehill 2022 (the dual in Gram form).
+Source: Goldfarb and Idnani 1983; Arnström, Bemporad and Axehill 2022 (the dual in Gram form).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.compile import kernel
-from hqp_rp.core.kernels.orthogonal import lq, padded
+from hqp_rp.core.kernels.householder import padded
+from hqp_rp.core.kernels.orthogonal import lq
 from hqp_rp.core.kernels.rows import GUESS, KEPT, LOW, STATE, UP, VALUE, gather, level_norm
 from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
 
@@ -124,7 +125,7 @@ def least_distance(G, value, low, up, active, side, limit):
                     part = multiplier[i] * side[i] / c
                     out = i
             tau = min(whole, part)
-            if tau == np.inf:
+            if not tau < np.inf:  # inconsistent, or a number overflowed
                 return count
             u[1] = 0.0
             add_multiple(u[1], G, p, 1.0)

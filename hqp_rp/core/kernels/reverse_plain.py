@@ -9,11 +9,11 @@ import numpy as np
 
 from hqp_rp.core.kernels.cascade import finite
 from hqp_rp.core.kernels.compile import lean
+from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import (
     frobenius,
     level_least_squares,
     load,
-    padded,
     tall_transposed,
     triangle,
     turn_back_reflectors,

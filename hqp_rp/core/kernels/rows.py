@@ -90,6 +90,15 @@ def set_values(A, scale, rows, r0, r1):
 
 
 @inlined
+def length_of(x):
+    """||x||."""
+    s = 0.0
+    for value in x:
+        s += value * value
+    return math.sqrt(s)
+
+
+@inlined
 def level_norm(rows, r0, r1):
     """Frobenius norm of the loaded rows r0:r1."""
     s = 0.0

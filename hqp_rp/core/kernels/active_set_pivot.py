@@ -1,0 +1,225 @@
+"""Which rows enter and leave the working set of an active-set search: first sets, multipliers, block pivots, guesses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqp_rp.core.kernels.active_set_room import COUNTED, ENTERED, GRADIENT, MOVE, MULTIPLIER, ORIGIN, to_free
+from hqp_rp.core.kernels.compile import inlined, lean
+from hqp_rp.core.kernels.orthogonal import EPS
+from hqp_rp.core.kernels.predict import guess_working_set
+from hqp_rp.core.kernels.rows import (
+    CHANGE,
+    GUESS,
+    KEPT,
+    LOW,
+    NORM,
+    STATE,
+    UP,
+    VALUE,
+    WORKING,
+    activate,
+    compress,
+    length_of,
+    miss,
+    release,
+)
+
+
+@lean
+def start_from_values(rows, room, r0, r1, nW, size):
+    """Working set of the point where the search stands: rows of the level that it violates, of W those at their bounds."""
+    for i in range(r0, r1):
+        value = rows.real[VALUE, i]
+        if rows.real[LOW, i] == rows.real[UP, i] or value > rows.real[UP, i]:
+            activate(rows, i, 1)
+        elif value < rows.real[LOW, i]:
+            activate(rows, i, -1)
+        else:
+            release(rows, i)
+    listed = room.lists[ENTERED]
+    for i in range(nW):
+        if miss(rows, size, listed[i]) != 0.0:
+            release(rows, listed[i])
+    return compress(listed, nW, rows)
+
+
+@lean
+def enter_level(rows, room, r0, r1, nW, most):
+    """Working set to start a level with: what is violated or guessed of its rows, and the kept rows that are guessed."""
+    for i in range(r0, r1):
+        low, up, value, guess = rows.real[LOW, i], rows.real[UP, i], rows.real[VALUE, i], rows.flags[GUESS, i]
+        if low == up or value > up or (guess > 0 and up < np.inf):
+            activate(rows, i, 1)
+        elif value < low or (guess < 0 and low > -np.inf):
+            activate(rows, i, -1)
+    for i in range(r0):
+        guess = rows.flags[GUESS, i]
+        if guess == 0 or rows.flags[STATE, i] != KEPT or rows.flags[WORKING, i] or nW >= most:
+            continue
+        if abs(rows.real[UP, i] if guess > 0 else rows.real[LOW, i]) < np.inf:
+            activate(rows, i, guess)
+            room.lists[ENTERED, nW] = i
+            nW += 1
+    return nW
+
+
+@lean
+def multipliers(rows, room, top, nW, nB, c0, last, size):
+    """Fill `MULTIPLIER` of W from L^T multiplier = -gradient; returns the largest miss of B, or in the last level ||gradient||.
+
+    A row of the level has its own miss as multiplier.
+    """
+    work = room.matrix
+    origin = room.real[ORIGIN]
+    gradient = room.real[GRADIENT]
+    found = room.real[MULTIPLIER]
+    residual = 0.0
+    for i in range(nB):
+        residual = max(residual, abs(miss(rows, size, room.lists[COUNTED, i])))
+    for i in range(nW):
+        found[i] = 0.0
+    if last:
+        residual = length_of(gradient[:nW])
+    if nW == 0 or residual == 0.0:
+        return residual
+    if not last:
+        for j in range(nW):
+            gradient[j] = 0.0
+        for i in range(nB):
+            w = miss(rows, size, room.lists[COUNTED, int(origin[top + i]) - top])
+            for j in range(nW):
+                gradient[j] += w * work[top + i, c0 + j]
+    for i in range(nW - 1, -1, -1):
+        s = -gradient[i]
+        for j in range(i + 1, nW):
+            s -= work[j, c0 + i] * found[int(origin[j])]
+        found[int(origin[i])] = s / work[i, c0 + i]
+    return residual
+
+
+@inlined
+def wrong_of_level(rows, row, size):
+    """How far inside its bounds a counted row of the level is, > 0 when it should not count."""
+    inside = -miss(rows, size, row) * rows.side[row]
+    return inside if rows.real[LOW, row] < rows.real[UP, row] else 0.0
+
+
+@inlined
+def wrong_of_kept(rows, room, i, floor):
+    """The multiplier of row i of W where it has the wrong sign and is above rounding error, else 0."""
+    wrong = -room.real[MULTIPLIER, i] * rows.side[room.lists[ENTERED, i]]
+    return wrong if wrong > floor else 0.0
+
+
+@lean
+def leave(rows, row):
+    """Release a row, or turn it to its other bound when a step carried it across a narrow band."""
+    if rows.flags[STATE, row] != KEPT and rows.real[VALUE, row] < rows.real[LOW, row]:
+        rows.side[row] = -1
+    elif rows.flags[STATE, row] != KEPT and rows.real[VALUE, row] > rows.real[UP, row]:
+        rows.side[row] = 1
+    else:
+        release(rows, row)
+
+
+@lean
+def row_to_leave(rows, room, nW, nB, residual, size, bland):
+    """The row whose multiplier is most wrong, by Bland's rule the first such row; -1 at the optimum."""
+    worst = -1
+    largest = 0.0
+    for i in range(nB):
+        row = room.lists[COUNTED, i]
+        wrong = wrong_of_level(rows, row, size)
+        if wrong > 0.0 and (worst < 0 or (row < worst if bland else wrong > largest)):
+            largest, worst = wrong, row
+    if residual > 0.0:
+        floor = 1e-13 * max(residual, EPS * size)
+        for i in range(nW):
+            row = room.lists[ENTERED, i]
+            wrong = wrong_of_kept(rows, room, i, floor)
+            if wrong > 0.0 and (worst < 0 or (row < worst if bland else wrong > largest)):
+                largest, worst = wrong, row
+    return worst
+
+
+@lean
+def pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends):
+    """Every row whose multiplier is wrong leaves, every row that the step's end violates enters.
+
+    Returns (rows of W, rows that left, rows that entered or wanted to).
+    """
+    left = 0
+    for i in range(nB):
+        row = room.lists[COUNTED, i]
+        if wrong_of_level(rows, row, size) > 0.0:
+            leave(rows, row)
+            left += 1
+    entered = room.lists[ENTERED]
+    count = nW
+    if residual > 0.0:
+        floor = 1e-13 * max(residual, EPS * size)
+        for i in range(nW):
+            if wrong_of_kept(rows, room, i, floor) > 0.0:
+                release(rows, entered[i])
+                left += 1
+        if left:
+            count = compress(entered, nW, rows)
+    crossed = 0
+    for i in range(end):
+        own = i >= r0
+        if rows.flags[WORKING, i] or not (own or rows.flags[STATE, i] == KEPT):
+            continue
+        value = rows.real[VALUE, i]
+        above = value - rows.real[UP, i]
+        below = rows.real[LOW, i] - value
+        over = max(above, below)
+        if over <= 0.0:
+            continue
+        bound = rows.real[UP, i] if above > 0.0 else rows.real[LOW, i]
+        norm = rows.real[NORM, i]
+        if over <= 64.0 * EPS * (norm * size + abs(bound)):
+            continue
+        if not own and abs(rows.real[CHANGE, i]) <= 2.0 * depends * norm * span:
+            continue  # it depends on W, as its factorization sees it
+        if own:
+            crossed += 1
+            activate(rows, i, 1 if above > 0.0 else -1)
+        else:
+            crossed += 1
+            if count < most:
+                activate(rows, i, 1 if above > 0.0 else -1)
+                entered[count] = i
+                count += 1
+    return count, left, crossed
+
+
+@inlined
+def guessable(rows, r0, r1):
+    """Whether every row of the level is an equality."""
+    for i in range(r0, r1):  # noqa: SIM110  numba compiles the loop, not the generator
+        if rows.real[LOW, i] < rows.real[UP, i]:
+            return False
+    return True
+
+
+@lean
+def enter_guess(rows, room, k, z, r0, r1, last, nW, c0):
+    """W becomes the guessed one; returns its size."""
+    n = room.turns.shape[1]
+    goal = room.real[MOVE]
+    if last:
+        for j in range(n):
+            goal[j] = z[j] - rows.x[j]
+        to_free(room, k, goal)
+    guess_working_set(rows, r0, r1, c0, goal)
+    entered = room.lists[ENTERED]
+    for i in range(nW):
+        release(rows, entered[i])
+    count = 0
+    for i in range(r0):
+        if rows.flags[GUESS, i] != 0 and rows.flags[STATE, i] == KEPT and count < n - c0:
+            activate(rows, i, rows.flags[GUESS, i])
+            entered[count] = i
+            count += 1
+    return count
