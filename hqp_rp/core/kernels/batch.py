@@ -33,7 +33,8 @@ def batch_one_by_one(which, A, b, offsets, Z, tol, kind, first, second, X, code)
     """A closed form on problems i = 0 ... N - 1: A (N, M, n), b (N, M), Z (N, n) or (1, n) free vectors.
 
     Fills X (N, n) and code (N,), what the closed form returned. `which` is one of the numbers above but
-    `NULL_SPACE`, which `batch_null_space` serves; one compiled loop for all, since numba cannot cache a function that takes another as its argument.
+    `NULL_SPACE`, which `batch_null_space` serves; one compiled loop for all, since numba cannot cache a function that takes
+    another as its argument.
     """
     for i in range(len(A)):
         z = Z[i % len(Z)]
