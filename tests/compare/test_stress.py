@@ -136,13 +136,13 @@ def test_a_wrong_answer_shows_at_its_level(plan: Plan) -> None:
 
 def test_with_limits_the_certificate_judges(tmp_path: pathlib.Path) -> None:
     found = stress(
-        "sawyer", "sawyer_limits", samples=60, solvers=["hierarchical_active_set", "null_space"], starts=2, workers=1,
+        "sawyer", "sawyer_limits", samples=90, solvers=["hierarchical_active_set", "null_space"], starts=2, workers=1,
         output=tmp_path / "limits",
     )  # fmt: skip
     assert [label for label, _ in found.left_out] == [item.label for item in choose_contestants(["null_space"])]
     rows = found.rows().collect()
     assert set(rows["reference"]) <= {"certificate", "exact"}
-    assert rows.height == 60
+    assert rows.height == 90
     clear = rows.filter((pl.col("sigma") > 1e-6) & (pl.col("status") == "SOLVED"))
     assert clear.height >= 30
     assert clear.select(pl.max_horizontal(pl.col("^error_.*$")).max()).item() < 1e-9
