@@ -15,10 +15,10 @@ import pytest
 import hqp_rp
 from hqp_rp.compare.command_line import main
 from hqp_rp.compare.contestants import choose_contestants
-from hqp_rp.compare.stress import Stress, stress
+from hqp_rp.compare.stress import Stress, _contestants, stress
 from hqp_rp.compare.stress_atlas import load_atlas, save_atlas
 from hqp_rp.compare.stress_judge import REFERENCES, along_paths, level_errors, references
-from hqp_rp.compare.stress_plan import APPROACH, FAR, LIMITS, NEAR, RANDOM, STEPS, Plan, approachable
+from hqp_rp.compare.stress_plan import APPROACH, FAR, LIMITS, NEAR, RANDOM, STEPS, Plan, Scene, approachable
 from hqp_rp.compare.stress_rows import chunk_rows
 from hqp_rp.compare.stress_summary import BINS, quantile, sigma_bins, sigma_of_bins, value_bins
 from hqp_rp.compare.stress_worst import spelled
@@ -151,6 +151,19 @@ def test_with_limits_the_certificate_judges(tmp_path: pathlib.Path) -> None:
     exact = clear.filter((pl.col("reference") == "exact") & ~pl.col("ambiguous"))
     assert exact.height >= 2
     assert exact["distance"].max() < 1e-6
+
+
+@pytest.mark.parametrize("solvers", [None, ["closed_forms"], ["closed_forms", "reverse_priority_unilateral"]])
+@pytest.mark.parametrize("stack", ["planar4", "sawyer_limits"])
+def test_solvers_that_only_limits_set_apart_need_limits_or_their_name(stack: str, solvers: list[str] | None) -> None:
+    file = load_stack(stack)
+    robot = named_robot(stack.removesuffix("_limits"))
+    scene = Scene(robot, file.stack(robot), file.dt)
+    names = [contestant.name for contestant in _contestants(solvers, limits=not scene.plain)]
+    limited = stack == "sawyer_limits"
+    assert names.count("reverse_priority_unilateral") == int(limited or (solvers is not None and len(solvers) == 2))
+    assert ("saturation_null_space" in names) == (limited and solvers is None)
+    assert {"reverse_priority", "null_space", "singularity_robust"} <= set(names)
 
 
 def test_an_exact_search_that_takes_too_long_leaves_the_sample_to_the_certificate(
