@@ -79,9 +79,9 @@ def judged_rows(
     """
     for index, step in enumerate(steps):
         problem, solution = step.problem, step.solution
-        optimum = reference(problem, solution.secondary)
         x = solution.x
         proof = None if x is None else certify(problem, x, solution.secondary, solver.tolerance)
+        optimum = reference(problem, solution.secondary, x if proof is not None and proof.ok else None)
         yield {
             "scenario": scenario,
             "case": step.case,

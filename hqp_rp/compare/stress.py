@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 SAMPLES = 10_000
 STARTS = 64
 CLOSED_FORMS = "closed_forms"
-"""As a solver's name: every contestant of the default line-up that takes many problems in one compiled call."""
+"""As a solver's name: every contestant of the default line-up that takes many problems in one compiled call. Without limits in the
+stack, those that are then the same as others are left out."""
 
 WORST_FOLDER = "worst"
 
@@ -103,7 +104,8 @@ def stress(
         model: "sawyer", "planar4", "dual_sawyer", "humanoid" or an MJCF or URDF file (see `named_robot`).
         stack: a stack file, the name of one of the library's own, or a `StackFile`.
         samples: how many configurations, >= 1: about a third at random, near the limits, and on paths to singularities.
-        solvers: as in `compare`, and "closed_forms" for all that take many problems at once; None means all.
+        solvers: as in `compare`, and "closed_forms" for all that take many problems at once; None means all. A stack
+            without limits has neither with the solvers that are then the same as others, unless they are named.
         output: folder for report.html, report.md, figures, worst cases and Parquet parts; None keeps nothing.
         seed: >= 0. starts: of the search for singularities, for each level, >= 1.
         overwrite: replace the report of another run in `output`.
@@ -120,10 +122,10 @@ def stress(
     _integer("starts", starts, 1)
     if workers is not None:
         _integer("workers", workers, 1)
-    chosen = _contestants(solvers)
     file = stack if isinstance(stack, StackFile) else load_stack(stack)
     robot = named_robot(model)
     scene = Scene(robot, file.stack(robot), file.dt)
+    chosen = _contestants(solvers, limits=not scene.plain)
     kept, left_out = _willing(chosen, scene)
     client = None if dask is None else dask_client(dask)
     try:
@@ -181,10 +183,13 @@ def _run(
     return Stress(plan, levels, places, left_out, summarize(plan, levels, parts))
 
 
-def _contestants(solvers: Sequence[str | Solver | Contestant] | None) -> tuple[Contestant, ...]:
-    if solvers is None or isinstance(solvers, str) or CLOSED_FORMS not in solvers:
+def _contestants(solvers: Sequence[str | Solver | Contestant] | None, *, limits: bool) -> tuple[Contestant, ...]:
+    """Those asked for; of the default line-up and of the closed forms, without `limits`, none that only limits set apart."""
+    if solvers is None:
+        return default_contestants(limits=limits)
+    if isinstance(solvers, str) or CLOSED_FORMS not in solvers:
         return choose_contestants(solvers)
-    closed = [contestant for contestant in default_contestants() if is_batched(contestant.solver)]
+    closed = [contestant for contestant in default_contestants(limits=limits) if is_batched(contestant.solver)]
     rest = [item for item in solvers if not (isinstance(item, str) and item == CLOSED_FORMS)]
     return choose_contestants([*closed, *rest])
 

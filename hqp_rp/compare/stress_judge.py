@@ -8,13 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hqp_rp.compare.reference import certified_start, exact_optimum, is_plain
 from hqp_rp.compare.stress_levels import LevelScale, level_scales
 from hqp_rp.compare.stress_levels import level_errors as equality_errors
 from hqp_rp.compare.stress_plan import STEPS, Samples
 from hqp_rp.core.certificate import certify
 from hqp_rp.core.problem import FloatArray, Problem
-from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.truth import truth
 
 RESOLVED = 1e-9
 """A double-precision optimum serves where its error is estimated below this; nearer answers count as equal."""
@@ -55,13 +54,17 @@ def exact_every(problem: Problem) -> int:
 
     From what the truth costs: about 1 ms up to 12 unknowns, 5 ms at 14, 70 ms at 35; with limits 10 ms at 7. 0: none.
     """
-    if problem.is_equality and problem.hard is None:
+    if is_plain(problem):
         return 1 if problem.n <= 12 else 4 if problem.n <= 20 else 32
     return 16 if problem.n <= 8 else 0
 
 
-def references(samples: Samples) -> References:
-    """The optima of the samples: exact or in double precision, as each sample's condition asks for."""
+def references(samples: Samples, answers: Sequence[FloatArray] = ()) -> References:
+    """The optima of the samples: exact or in double precision, as each sample's condition asks for.
+
+    `answers`: (C, n) each, of the solvers. With limits the exact search starts from the first that is certified; a sample
+    for which it takes too long has no exact optimum and is left to the certificate.
+    """
     problems = samples.problems
     first = problems[0]
     count, n = len(problems), first.n
@@ -69,7 +72,7 @@ def references(samples: Samples) -> References:
     method = np.zeros(count, dtype=np.uint8)
     ambiguous = np.zeros(count, dtype=bool)
     sigma = samples.sigma.copy()
-    scales, answers, errors = level_scales(samples.tasks)
+    scales, doubles, errors = level_scales(samples.tasks)
     unknown = ~np.isfinite(sigma)
     sigma[unknown] = np.min([scale.sigma for scale in scales], axis=0)[unknown]
     plain = all(is_plain(problem) for problem in problems)
@@ -77,20 +80,18 @@ def references(samples: Samples) -> References:
     method[:] = REFERENCES.index(NONE if plain else CERTIFICATE)
     if plain:
         known = errors <= RESOLVED
-        x[known], method[known] = answers[known], REFERENCES.index(DOUBLE)
+        x[known], method[known] = doubles[known], REFERENCES.index(DOUBLE)
     for i in np.flatnonzero(method != REFERENCES.index(DOUBLE)).tolist():
         number = samples.path[i] if samples.path[i] >= 0 else samples.number[i]
         if every and number % every == 0:
-            exact = truth(problems[i], rank_rule=RANK_TOLERANCE)
+            start = certified_start(problems[i], (answer[i] for answer in answers))
+            exact = exact_optimum(problems[i], start=start)
+            if exact is None:
+                continue
             ambiguous[i] = exact.ambiguous
             if exact.x is not None:
                 x[i], method[i] = exact.x, REFERENCES.index(EXACT)
     return References(x, method, ambiguous, sigma, scales if plain else ())
-
-
-def is_plain(problem: Problem) -> bool:
-    """Whether there are equalities only, and no hard rows."""
-    return problem.is_equality and problem.hard is None
 
 
 def level_errors(problems: Sequence[Problem], found: References, x: FloatArray) -> FloatArray:

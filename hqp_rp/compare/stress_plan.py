@@ -157,12 +157,12 @@ class Plan:
 
 
 class Scene:
-    """A robot, its stack, and the stack's tasks alone."""
+    """A robot, its stack, and the stack's tasks alone. plain: the stack has no limits."""
 
     def __init__(self, robot: Robot, stack: Stack, dt: float | None) -> None:
         self.robot, self.stack, self.dt = robot, stack, dt
         self.tasks, self._index = tasks_only(stack)
-        self._plain = not stack.limits and not any(isinstance(item, Limit) for items in stack.levels for item in items)
+        self.plain = not stack.limits and not any(isinstance(item, Limit) for items in stack.levels for item in items)
         self._rest = np.zeros(robot.nv)
 
     def problem(self, q: FloatArray) -> Problem:
@@ -182,7 +182,7 @@ class Scene:
     def samples(self, chunk: Chunk, q: FloatArray, place: Any, path: Any, step: Any, sigma: FloatArray) -> Samples:
         """The samples at the configurations q (C, nq)."""
         tasks = self._equalities(self.tasks, q)
-        problems = tasks if self._plain else [self.problem(configuration) for configuration in q]
+        problems = tasks if self.plain else [self.problem(configuration) for configuration in q]
         number = chunk.first + np.arange(chunk.count)
         return Samples(chunk.kind, number, q, tuple(problems), tuple(tasks), place, path, step, sigma)
 

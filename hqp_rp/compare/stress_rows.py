@@ -41,14 +41,12 @@ def chunk_rows(plan: Plan, index: int) -> pl.DataFrame:
     with _ONE_AT_A_TIME:
         chunk = plan.chunks[index]
         samples = plan.samples_of(chunk)
-        found = references(samples)
-        common = _common(samples, found)
         stacked = _stacked(samples)
-        frames = []
         warm_up_batches(plan)
-        for contestant in plan.contestants:
-            x, codes, seconds = _solve(contestant.solver, samples, stacked)
-            frames.append(common.with_columns(**_judged(contestant.label, samples, found, x, codes, seconds)))
+        solved = [(contestant.label, _solve(contestant.solver, samples, stacked)) for contestant in plan.contestants]
+        found = references(samples, [x for _, (x, _, _) in solved])
+        common = _common(samples, found)
+        frames = [common.with_columns(**_judged(label, samples, found, *answer)) for label, answer in solved]
         columns = ["sample", "kind", "place", "path", "step", "sigma", "contestant", "status", "x_norm", "optimum_norm"]
         rest = [name for name in frames[0].columns if name not in columns]
         return pl.concat(frames).select(*columns, *rest)

@@ -114,9 +114,10 @@ def find_singularities(
 ) -> Catalogue:
     """Search for the configurations where levels of `stack` lose rank, within the joint limits of `robot`.
 
-    Many starts, each refined by Newton's method on the singular value that vanishes (`refine_singularity`). A level's loss
-    is `ALGORITHMIC` where its own Jacobian keeps full rank, `KINEMATIC` where that loses rank as well, `BOTH` where it
-    loses more beside the levels before it than alone. Singular configurations come in families: the catalogue holds points
+    Many starts, each refined by steps within the joint limits to where a singular value vanishes (`refine_singularity`):
+    many singular configurations lie on a limit, such as a straight knee. A level's loss is `ALGORITHMIC` where its own
+    Jacobian keeps full rank, `KINEMATIC` where that loses rank as well, `BOTH` where it loses more beside the levels before
+    it than alone. Singular configurations come in families: the catalogue holds points
     of them, `separation` apart, and is no proof that there are no others. ::
 
         catalogue = hqp_rp.find_singularities(robot, stack)

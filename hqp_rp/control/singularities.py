@@ -1,4 +1,4 @@
-"""Singular configurations of a stack on a robot, found by Newton's method from many starts."""
+"""Singular configurations of a stack on a robot, found from many starts by Newton steps within the joint limits."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Collection
 
 import numpy as np
 
+from hqp_rp.control._bounded_step import levenberg_marquardt_step, room
 from hqp_rp.control._coordinates import coordinate_index
 from hqp_rp.control._sampling import random_configurations, within_limits
 from hqp_rp.control.stack import Stack
@@ -19,8 +20,14 @@ from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.robot.robot import Robot
 
 _DIFFERENCE = 1e-5  # rad, of central differences: error of order h^2 against rounding of order eps / h
-_LONGEST_STEP = 0.3  # rad, per joint and Newton step
-_HALVINGS = 6
+_LONGEST_STEP = 0.3  # rad or m, per joint and step
+_LEAST_DAMPING = (
+    1e-3  # its square over sigma; far less would let the rounding of the differences choose among solutions
+)
+_RELAX, _TIGHTEN = 3.0, 4.0
+_KEPT = 0.1  # a step is taken where it keeps this share of the fall that it promised
+_LEAST_FALL = 1e-3  # share of sigma^2
+_ATTEMPTS = 9
 _SAMPLES_FOR_RANK = 8
 
 
@@ -140,19 +147,23 @@ def refine_singularity(
     iterations: int = 40,
     dt: float | None = None,
 ) -> SingularConfiguration | None:
-    """The singular configuration that damped Newton steps reach from q (nq,), or None; within the joint limits.
+    """The singular configuration that damped steps reach from q (nq,), or None; within the joint limits.
 
     Let r be the rank that A_k has beside the earlier rows A_e at most configurations, U and V what the singular vectors
     of A_k Z from the r-th on span. Moving joint i changes U^T A_k Z V, to first order, by
 
         [-U^T A_k A_e^+, U^T] (d[A_e; A_k]/dq_i) Z V
 
-    (Z turns with A_e: dZ = -A_e^+ dA_e Z up to a rotation within Z). Each step is the least one that makes the r-th
-    singular value vanish by it; it is cut to 0.3 rad per joint, halved until the singular value falls, and ends at the
-    limits. q need not be near: from far off it is a search that may fail. iterations: most steps, >= 0; the other
-    arguments and the errors as `search_singularities`. The robot is left at the last configuration tried.
+    (Z turns with A_e: dZ = -A_e^+ dA_e Z up to a rotation within Z). Each step is the least-squares step that makes the
+    r-th singular value vanish by it, over the motions within the joint limits and 0.3 rad (m) per joint. It is damped by
+    mu sigma, mu raised where a step keeps too little of the fall that it promised, so that it is Newton's in the end.
+    Limits are part of every step because many singular configurations lie on them: a knee or an elbow that cannot be bent
+    backwards is straight at its limit. q need not be near: from far off it is a search that may fail. iterations: most
+    steps, >= 0; the other arguments and the errors as `search_singularities`. The robot is left at the last configuration
+    tried.
 
-    Source: the derivative of singular subspaces, Stewart and Sun, Matrix Perturbation Theory, 1990, chapter V.
+    Source: the derivative of singular subspaces, Stewart and Sun, Matrix Perturbation Theory, 1990, chapter V; the steps,
+    Kanzow, Yamashita and Fukushima 2004, Levenberg-Marquardt methods for equations with convex constraints.
     """
     check_level(stack, level)
     check(isinstance(tolerance, float) and 0.0 < tolerance < 1.0, "tolerance", tolerance, "a number in (0, 1)")
@@ -162,22 +173,26 @@ def refine_singularity(
         return None  # no freedom is left to this level anywhere: it has nothing to lose
     q = walk.within_limits(np.array(q, dtype=np.float64))
     here = walk.split(q)
+    damping = _LEAST_DAMPING
     for _ in range(iterations):
         if here is None or here.sigma <= tolerance:
             break
         change = walk.derivative(q, here)
-        wanted = np.zeros(change.shape[0])
-        wanted[0] = -here.sigma
-        step = np.asarray(np.linalg.lstsq(change, wanted, rcond=1e-9)[0], dtype=np.float64)
-        longest = float(np.abs(step).max())
-        if longest > _LONGEST_STEP:
-            step *= _LONGEST_STEP / longest
-        for halving in range(_HALVINGS):
-            moved = walk.within_limits(robot.integrate(q, step, 0.5**halving))
+        residual = np.zeros(len(change))
+        residual[0] = here.sigma
+        lower, upper = walk.room(q, _LONGEST_STEP)
+        for _ in range(_ATTEMPTS):
+            step = levenberg_marquardt_step(change, residual, math.sqrt(damping * here.sigma), lower, upper)
+            promised = here.sigma**2 - float(np.square(change @ step + residual).sum())
+            if promised < _LEAST_FALL * here.sigma**2:
+                return None  # the singular value is least here, among its neighbours within the limits
+            moved = walk.within_limits(robot.integrate(q, step, 1.0))
             there = walk.split(moved)
-            if there is not None and there.sigma < (1.0 - 0.1 * 0.5**halving) * here.sigma:
+            if there is not None and there.sigma**2 < here.sigma**2 - _KEPT * promised:
                 q, here = moved, there
+                damping = max(damping / _RELAX, _LEAST_DAMPING)
                 break
+            damping *= _TIGHTEN
         else:
             return None
     return walk.judge(q, here, tolerance) if here is not None and here.sigma <= tolerance else None
@@ -218,6 +233,10 @@ class Walk:
 
     def within_limits(self, q: FloatArray) -> FloatArray:
         return within_limits(self._robot, q, self._index)
+
+    def room(self, q: FloatArray, longest: float) -> tuple[FloatArray, FloatArray]:
+        """Least and largest motion (nv,) of each joint within the limits, from q (nq,) within them."""
+        return room(self._robot, q, self._index, longest)
 
     def _rows(self, q: FloatArray) -> tuple[FloatArray, IntArray]:
         self._robot.update(q)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -21,7 +22,8 @@ from hqp_rp.compare.metrics import (
     runs_frame,
     steps_frame,
 )
-from hqp_rp.compare.reference import NOT_COMPUTED, reference
+from hqp_rp.compare.reference import NOT_COMPUTED, TOO_MUCH_WORK, certified_start, reference
+from hqp_rp.core import truth_active_set
 from hqp_rp.scenarios.scenario import Step
 from tests.compare.small import Closing, Fixed
 
@@ -162,3 +164,28 @@ def test_large_problems_have_no_exact_reference() -> None:
     assert found.x is None
     assert found.method == NOT_COMPUTED
     assert np.isnan(found.residuals).all()
+
+
+def test_an_exact_search_that_takes_too_long_leaves_no_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    limited = functools.partial(truth_active_set.solve_active_set, limit=1)
+    monkeypatch.setattr("hqp_rp.core.truth_active_set.solve_active_set", limited)
+    hinged = Problem(
+        [Level.equality([[1.0, 2.0, 3.0]], [4.0]), Level.equality(np.eye(3), [3.0, -1.0, 2.0])],
+        hard=Level(np.eye(3), -0.5, 0.5),
+    )
+    found = reference(hinged)
+    assert (found.x, found.method, found.ambiguous) == (None, TOO_MUCH_WORK, False)
+    assert np.isnan(found.residuals).all()
+    assert reference(hinged) is found
+    unsolved = Solution(hinged, None, Status.ITERATION_LIMIT, 1, "")
+    frame = steps_frame(frame_of([Step("", 0.0, hinged, unsolved, 0.0, {})], Fixed()))
+    assert frame["reference"].to_list() == [TOO_MUCH_WORK]
+    assert frame["distance"].to_list() == [None]
+    # With an answer that is certified the search is short.
+    right = np.array([0.5, 0.5, 0.5])
+    start = certified_start(hinged, [np.full(3, np.nan), np.zeros(3), right])
+    assert start is right
+    assert certified_start(hinged, [np.zeros(3)]) is None
+    assert certified_start(Problem(hinged.levels), [right]) is None
+    assert reference(hinged, None, start).x == pytest.approx([0.5, 0.5, 0.5])
+    assert reference(hinged).method == "exact rational active set"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import pathlib
 import re
 from typing import Any
@@ -14,15 +15,16 @@ import pytest
 import hqp_rp
 from hqp_rp.compare.command_line import main
 from hqp_rp.compare.contestants import choose_contestants
-from hqp_rp.compare.stress import Stress, stress
+from hqp_rp.compare.stress import Stress, _contestants, stress
 from hqp_rp.compare.stress_atlas import load_atlas, save_atlas
-from hqp_rp.compare.stress_judge import along_paths, level_errors, references
-from hqp_rp.compare.stress_plan import APPROACH, FAR, LIMITS, NEAR, RANDOM, STEPS, Plan, approachable
+from hqp_rp.compare.stress_judge import REFERENCES, along_paths, level_errors, references
+from hqp_rp.compare.stress_plan import APPROACH, FAR, LIMITS, NEAR, RANDOM, STEPS, Plan, Scene, approachable
 from hqp_rp.compare.stress_rows import chunk_rows
 from hqp_rp.compare.stress_summary import BINS, quantile, sigma_bins, sigma_of_bins, value_bins
 from hqp_rp.compare.stress_worst import spelled
 from hqp_rp.control.catalogue import find_singularities
 from hqp_rp.control.stack_file import load_stack
+from hqp_rp.core import truth_active_set
 from hqp_rp.core.diagnostics import spectra
 from hqp_rp.core.errors import FileError, HqpError, RobotError, SettingError, UnknownNameError
 from hqp_rp.core.solver import RANK_TOLERANCE
@@ -136,19 +138,57 @@ def test_a_wrong_answer_shows_at_its_level(plan: Plan) -> None:
 
 def test_with_limits_the_certificate_judges(tmp_path: pathlib.Path) -> None:
     found = stress(
-        "sawyer", "sawyer_limits", samples=60, solvers=["hierarchical_active_set", "null_space"], starts=2, workers=1,
+        "sawyer", "sawyer_limits", samples=90, solvers=["hierarchical_active_set", "null_space"], starts=2, workers=1,
         output=tmp_path / "limits",
     )  # fmt: skip
     assert [label for label, _ in found.left_out] == [item.label for item in choose_contestants(["null_space"])]
     rows = found.rows().collect()
     assert set(rows["reference"]) <= {"certificate", "exact"}
-    assert rows.height == 60
+    assert rows.height == 90
     clear = rows.filter((pl.col("sigma") > 1e-6) & (pl.col("status") == "SOLVED"))
     assert clear.height >= 30
     assert clear.select(pl.max_horizontal(pl.col("^error_.*$")).max()).item() < 1e-9
     exact = clear.filter((pl.col("reference") == "exact") & ~pl.col("ambiguous"))
     assert exact.height >= 2
     assert exact["distance"].max() < 1e-6
+
+
+@pytest.mark.parametrize("solvers", [None, ["closed_forms"], ["closed_forms", "reverse_priority_unilateral"]])
+@pytest.mark.parametrize("stack", ["planar4", "sawyer_limits"])
+def test_solvers_that_only_limits_set_apart_need_limits_or_their_name(stack: str, solvers: list[str] | None) -> None:
+    file = load_stack(stack)
+    robot = named_robot(stack.removesuffix("_limits"))
+    scene = Scene(robot, file.stack(robot), file.dt)
+    names = [contestant.name for contestant in _contestants(solvers, limits=not scene.plain)]
+    limited = stack == "sawyer_limits"
+    assert names.count("reverse_priority_unilateral") == int(limited or (solvers is not None and len(solvers) == 2))
+    assert ("saturation_null_space" in names) == (limited and solvers is None)
+    assert {"reverse_priority", "null_space", "singularity_robust"} <= set(names)
+
+
+def test_an_exact_search_that_takes_too_long_leaves_the_sample_to_the_certificate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plan = small_plan(stack="sawyer_limits", samples=40, solvers=("hierarchical_active_set",))
+    samples = plan.samples_of(plan.chunks[0])
+    whole = references(samples)
+    known = np.isfinite(whole.x[:, 0])
+    assert known.sum() >= 1
+    monkeypatch.setattr(
+        "hqp_rp.core.truth_active_set.solve_active_set", functools.partial(truth_active_set.solve_active_set, limit=1)
+    )
+    cut = references(samples)
+    assert {REFERENCES[code] for code in cut.method} == {"certificate"}
+    assert np.isnan(cut.x).all()
+    assert not cut.ambiguous.any()
+    # The column says so; and a solver's certified answer makes the search short.
+    rows = chunk_rows(plan, 0)
+    assert rows.height == len(samples.q)
+    helped = (rows["reference"] == "exact").to_numpy()
+    np.testing.assert_array_equal(helped, known)
+    np.testing.assert_allclose(
+        rows["optimum_norm"].to_numpy()[helped], np.linalg.norm(whole.x[helped], axis=1), rtol=1e-9
+    )
 
 
 def test_a_jump_is_told_from_growth(plan: Plan) -> None:

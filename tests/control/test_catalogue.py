@@ -11,10 +11,12 @@ import pytest
 import hqp_rp
 from hqp_rp.control import JointLimit, OrientationTask, PositionTask, Stack, VelocityLimit
 from hqp_rp.control.catalogue import approach_path
+from hqp_rp.control.stack_file import load_stack
 from hqp_rp.core.diagnostics import Singularity, spectra
 from hqp_rp.core.errors import SettingError
 from hqp_rp.robot.arms import planar_arm, sawyer
 from hqp_rp.robot.mujoco_robot import MujocoRobot
+from hqp_rp.robot.named import named_robot
 
 SIGMAS = 10.0 ** -np.arange(1.0, 13.0)
 
@@ -105,6 +107,42 @@ def test_an_approach_along_another_line() -> None:
     # q2 + q3 stays what it is along q1, and so does the singularity.
     with pytest.raises(SettingError, match=r"grows by .* per rad only"):
         approach_path(robot, stack, place, [1e-3], direction=[1.0, 0.0, 0.0])
+
+
+def test_the_humanoid_has_its_singularities() -> None:
+    """At a singularity a force u on the level's frames is held by the earlier tasks alone, without torque in any joint:
+    A_k^T u = A_e^T lambda. An elbow is straight at its limit, where it passes forces without torque."""
+    robot, file = named_robot("humanoid"), load_stack("humanoid")
+    stack = file.stack(robot)
+    catalogue = hqp_rp.find_singularities(robot, stack, starts=6)
+    hands, gaze = (stack.names.index(name) for name in ("hands", "gaze"))
+    assert catalogue.of(hands, Singularity.ALGORITHMIC)
+    assert catalogue.of(gaze, Singularity.ALGORITHMIC)
+    elbows = [24, 31]
+    np.testing.assert_array_equal(robot.upper[elbows], 0.0)
+    straight = whole = 0
+    for place in catalogue:
+        straight += bool((np.abs(place.q[np.array(elbows) + 1]) < 1e-9).any())
+        robot.update(place.q)
+        problem = stack.problem(robot)
+        A = problem.levels[place.level].A
+        torque = A.T @ place.task_direction / np.linalg.norm(A, 2)
+        if place.level:
+            earlier = np.vstack([level.A for level in problem.levels[: place.level]])
+            torque -= earlier.T @ np.linalg.lstsq(earlier.T, torque)[0]
+        assert np.linalg.norm(torque) < 1e-12
+        alone = np.linalg.svd(A, compute_uv=False)
+        assert (alone[-1] / alone[0] > 0.02) == (place.kind is Singularity.ALGORITHMIC)
+        positions = place.q[7:]
+        assert (positions >= robot.lower[6:]).all()
+        assert (positions <= robot.upper[6:]).all()
+        path = catalogue.approach(place, [1e-3, 1e-8])
+        assert len(path) >= 1  # the larger one may lie beyond a limit
+        whole += len(path) == 2
+        measured = [own_sigma(robot, stack, place.level, q) for q in path.q]
+        np.testing.assert_allclose(measured, [1e-3, 1e-8][-len(path) :], rtol=0.02)
+    assert straight
+    assert whole > len(catalogue) / 2
 
 
 def test_limits_are_left_out_and_levels_keep_their_numbers() -> None:
