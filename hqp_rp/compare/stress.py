@@ -35,8 +35,9 @@ if TYPE_CHECKING:
 SAMPLES = 10_000
 STARTS = 64
 CLOSED_FORMS = "closed_forms"
-"""As a solver's name: every contestant of the default line-up that takes many problems in one compiled call. Without limits in the
-stack, those that are then the same as others are left out."""
+"""As a solver's name: every contestant of the default line-up that takes many problems in one compiled call.
+
+Without limits in the stack, those that are then the same as others are left out."""
 
 WORST_FOLDER = "worst"
 
