@@ -83,6 +83,7 @@ def search_singularities(
     tolerance: float = 1e-13,
     clearance: float = 0.02,
     separation: float = 0.05,
+    thorough: bool = False,
     dt: float | None = None,
 ) -> list[SingularConfiguration]:
     """Singular configurations of `stack` within the joint limits of `robot`, in the order in which they are found.
@@ -100,6 +101,7 @@ def search_singularities(
         tolerance: sigma / ||A_k|| below which a level counts as singular, > 0.
         clearance: least `earlier_sigma`, and for algorithmic singularities least `own_sigma`, of what is returned.
         separation: rad or m, least distance between two that are returned, in the largest difference of a joint.
+        thorough: where Newton's steps fail, go on with damped steps within the limits; see `refine_singularity`.
         dt: s, for stacks that need it.
 
     Raises:
@@ -122,7 +124,7 @@ def search_singularities(
             if k == 0 and not {Singularity.KINEMATIC, Singularity.BOTH} & set(kinds):
                 continue  # nothing comes before the first level
             for start in random_configurations(robot, starts, seed):
-                candidate = refine_singularity(robot, stack, start, k, tolerance=tolerance, dt=dt)
+                candidate = refine_singularity(robot, stack, start, k, tolerance=tolerance, thorough=thorough, dt=dt)
                 if (
                     candidate is None
                     or candidate.kind not in kinds
@@ -145,6 +147,7 @@ def refine_singularity(
     *,
     tolerance: float = 1e-13,
     iterations: int = 40,
+    thorough: bool = False,
     dt: float | None = None,
 ) -> SingularConfiguration | None:
     """The singular configuration that damped steps reach from q (nq,), or None; within the joint limits.
@@ -154,12 +157,12 @@ def refine_singularity(
 
         [-U^T A_k A_e^+, U^T] (d[A_e; A_k]/dq_i) Z V
 
-    (Z turns with A_e: dZ = -A_e^+ dA_e Z up to a rotation within Z). First by the least step that makes the r-th
-    singular value vanish, cut to 0.3 rad (m) per joint and to the limits and halved until that value falls. Where that ends
-    nowhere, from q again by the least-squares step over the motions within the limits and 0.3 rad (m) per joint, damped by
-    mu sigma, mu raised where a step keeps too little of the fall that it promised: Newton's in the end. Limits are part of
-    these steps because many singular configurations lie on them: a knee or an elbow that cannot be bent
-    backwards is straight at its limit. q need not be near: from far off it is a search that may fail. iterations: most
+    (Z turns with A_e: dZ = -A_e^+ dA_e Z up to a rotation within Z). First by the least step that makes the r-th singular
+    value vanish, cut to 0.3 rad (m) per joint and to the limits and halved until that value falls. Where that ends nowhere
+    and the search is `thorough`, from q again by the least-squares step over the motions within the limits and 0.3 rad (m)
+    per joint, damped by mu sigma, mu raised where a step keeps too little of the fall that it promised: Newton's in the
+    end. Limits are part of these steps because many singular configurations lie on them: a knee or an elbow that cannot be
+    bent backwards is straight at its limit. q need not be near: from far off it is a search that may fail. iterations: most
     steps, >= 0; the other arguments and the errors as `search_singularities`. The robot is left at the last configuration
     tried.
 
@@ -173,7 +176,7 @@ def refine_singularity(
     if walk.rank == 0:
         return None  # no freedom is left to this level anywhere: it has nothing to lose
     first = walk.within_limits(np.array(q, dtype=np.float64))
-    for search in (_newton, _levenberg_marquardt):
+    for search in (_newton, _levenberg_marquardt) if thorough else (_newton,):
         q, here = search(robot, walk, first, tolerance, iterations)
         if here is not None and here.sigma <= tolerance:
             return walk.judge(q, here, tolerance)
