@@ -82,8 +82,7 @@ def stress(
         stack: a stack file (TOML), or the name of one that comes with the library: sawyer, sawyer_limits, planar4,
             dual_sawyer, humanoid.
         samples: how many configurations.
-        solver: as in `hqp-rp compare`, and closed_forms for all of them; repeat it for more. Without it, every solver. Those
-            that differ from others under limits only are left out of both on a stack without limits.
+        solver: as in `hqp-rp compare`, and closed_forms for all of them; repeat it for more. Without it, every solver.
         output: the folder to write.
         seed: of every draw.
         starts: of the search for singularities, for each level.

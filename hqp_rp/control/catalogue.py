@@ -159,6 +159,7 @@ def find_singularities(
         tolerance=tolerance,
         clearance=clearance,
         separation=separation,
+        thorough=True,
         dt=dt,
     )
     found = [dataclasses.replace(place, level=index[place.level]) for place in found]

@@ -20,10 +20,10 @@ from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.robot.robot import Robot
 
 _DIFFERENCE = 1e-5  # rad, of central differences: error of order h^2 against rounding of order eps / h
+_HALVINGS = 6
 _LONGEST_STEP = 0.3  # rad or m, per joint and step
-_LEAST_DAMPING = (
-    1e-3  # its square over sigma; far less would let the rounding of the differences choose among solutions
-)
+# Its square over sigma: far less would let the rounding of the differences choose among solutions.
+_LEAST_DAMPING = 1e-3
 _RELAX, _TIGHTEN = 3.0, 4.0
 _KEPT = 0.1  # a step is taken where it keeps this share of the fall that it promised
 _LEAST_FALL = 1e-3  # share of sigma^2
@@ -83,6 +83,7 @@ def search_singularities(
     tolerance: float = 1e-13,
     clearance: float = 0.02,
     separation: float = 0.05,
+    thorough: bool = False,
     dt: float | None = None,
 ) -> list[SingularConfiguration]:
     """Singular configurations of `stack` within the joint limits of `robot`, in the order in which they are found.
@@ -100,6 +101,7 @@ def search_singularities(
         tolerance: sigma / ||A_k|| below which a level counts as singular, > 0.
         clearance: least `earlier_sigma`, and for algorithmic singularities least `own_sigma`, of what is returned.
         separation: rad or m, least distance between two that are returned, in the largest difference of a joint.
+        thorough: where Newton's steps fail, go on with damped steps within the limits; see `refine_singularity`.
         dt: s, for stacks that need it.
 
     Raises:
@@ -122,7 +124,7 @@ def search_singularities(
             if k == 0 and not {Singularity.KINEMATIC, Singularity.BOTH} & set(kinds):
                 continue  # nothing comes before the first level
             for start in random_configurations(robot, starts, seed):
-                candidate = refine_singularity(robot, stack, start, k, tolerance=tolerance, dt=dt)
+                candidate = refine_singularity(robot, stack, start, k, tolerance=tolerance, thorough=thorough, dt=dt)
                 if (
                     candidate is None
                     or candidate.kind not in kinds
@@ -145,6 +147,7 @@ def refine_singularity(
     *,
     tolerance: float = 1e-13,
     iterations: int = 40,
+    thorough: bool = False,
     dt: float | None = None,
 ) -> SingularConfiguration | None:
     """The singular configuration that damped steps reach from q (nq,), or None; within the joint limits.
@@ -154,11 +157,12 @@ def refine_singularity(
 
         [-U^T A_k A_e^+, U^T] (d[A_e; A_k]/dq_i) Z V
 
-    (Z turns with A_e: dZ = -A_e^+ dA_e Z up to a rotation within Z). Each step is the least-squares step that makes the
-    r-th singular value vanish by it, over the motions within the joint limits and 0.3 rad (m) per joint. It is damped by
-    mu sigma, mu raised where a step keeps too little of the fall that it promised, so that it is Newton's in the end.
-    Limits are part of every step because many singular configurations lie on them: a knee or an elbow that cannot be bent
-    backwards is straight at its limit. q need not be near: from far off it is a search that may fail. iterations: most
+    (Z turns with A_e: dZ = -A_e^+ dA_e Z up to a rotation within Z). First by the least step that makes the r-th singular
+    value vanish, cut to 0.3 rad (m) per joint and to the limits and halved until that value falls. Where that ends nowhere
+    and the search is `thorough`, from q again by the least-squares step over the motions within the limits and 0.3 rad (m)
+    per joint, damped by mu sigma, mu raised where a step keeps too little of the fall that it promised: Newton's in the
+    end. Limits are part of these steps because many singular configurations lie on them: a knee or an elbow that cannot be
+    bent backwards is straight at its limit. q need not be near: from far off it is a search that may fail. iterations: most
     steps, >= 0; the other arguments and the errors as `search_singularities`. The robot is left at the last configuration
     tried.
 
@@ -171,7 +175,44 @@ def refine_singularity(
     walk = Walk(robot, stack, level, dt)
     if walk.rank == 0:
         return None  # no freedom is left to this level anywhere: it has nothing to lose
-    q = walk.within_limits(np.array(q, dtype=np.float64))
+    first = walk.within_limits(np.array(q, dtype=np.float64))
+    for search in (_newton, _levenberg_marquardt) if thorough else (_newton,):
+        q, here = search(robot, walk, first, tolerance, iterations)
+        if here is not None and here.sigma <= tolerance:
+            return walk.judge(q, here, tolerance)
+    return None
+
+
+def _newton(
+    robot: Robot, walk: Walk, q: FloatArray, tolerance: float, iterations: int
+) -> tuple[FloatArray, _Split | None]:
+    """Least steps, cut to the limits afterwards and halved until the singular value falls: quick, where it succeeds."""
+    here = walk.split(q)
+    for _ in range(iterations):
+        if here is None or here.sigma <= tolerance:
+            break
+        change = walk.derivative(q, here)
+        wanted = np.zeros(change.shape[0])
+        wanted[0] = -here.sigma
+        step = np.asarray(np.linalg.lstsq(change, wanted, rcond=1e-9)[0], dtype=np.float64)
+        longest = float(np.abs(step).max())
+        if longest > _LONGEST_STEP:
+            step *= _LONGEST_STEP / longest
+        for halving in range(_HALVINGS):
+            moved = walk.within_limits(robot.integrate(q, step, 0.5**halving))
+            there = walk.split(moved)
+            if there is not None and there.sigma < (1.0 - 0.1 * 0.5**halving) * here.sigma:
+                q, here = moved, there
+                break
+        else:
+            break
+    return q, here
+
+
+def _levenberg_marquardt(
+    robot: Robot, walk: Walk, q: FloatArray, tolerance: float, iterations: int
+) -> tuple[FloatArray, _Split | None]:
+    """Damped steps within the limits: also where a singular configuration lies on them."""
     here = walk.split(q)
     damping = _LEAST_DAMPING
     for _ in range(iterations):
@@ -185,7 +226,7 @@ def refine_singularity(
             step = levenberg_marquardt_step(change, residual, math.sqrt(damping * here.sigma), lower, upper)
             promised = here.sigma**2 - float(np.square(change @ step + residual).sum())
             if promised < _LEAST_FALL * here.sigma**2:
-                return None  # the singular value is least here, among its neighbours within the limits
+                return q, here  # the singular value is least here, among its neighbours within the limits
             moved = walk.within_limits(robot.integrate(q, step, 1.0))
             there = walk.split(moved)
             if there is not None and there.sigma**2 < here.sigma**2 - _KEPT * promised:
@@ -194,8 +235,8 @@ def refine_singularity(
                 break
             damping *= _TIGHTEN
         else:
-            return None
-    return walk.judge(q, here, tolerance) if here is not None and here.sigma <= tolerance else None
+            break
+    return q, here
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
