@@ -137,7 +137,7 @@ def _steps(inside: Inside) -> Table:
     )
     caption = (
         "kinematics: robot.update(q). tasks: stack.problem(robot), which asks the robot for poses and Jacobians and builds the "
-        "problem. solve: null_space. Medians along the path; shares of their sum."
+        "problem. solve: null_space, with limits the active set, warm. Medians along the path; shares of their sum."
     )
     header = ("family", *PARTS_OF_A_STEP, *(f"{part}, us" for part in PARTS_OF_A_STEP), "a step, us")
     return Table("Where the time of a control step goes", header, rows, caption)

@@ -6,9 +6,11 @@ import pytest
 
 from hqp_rp.compare import bench_step_parts
 from hqp_rp.compare.bench_step_parts import step_parts
+from hqp_rp.compare.bench_steps import STEP_FAMILIES
 
 
-def test_the_parts_of_a_step_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", [name for name in STEP_FAMILIES if name != "step_humanoid"])
+def test_the_parts_of_a_step_are_told_apart(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     readings = 0
     at = 0
 
@@ -19,7 +21,8 @@ def test_the_parts_of_a_step_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> 
         return at
 
     monkeypatch.setattr(bench_step_parts.time, "perf_counter_ns", clock)
-    found = step_parts("step_sawyer", quick=True, rounds=1)
+    found = step_parts(name, quick=True, rounds=1)
     assert found.seconds == pytest.approx((1e-6, 3e-6, 2e-6))
     assert found.whole == pytest.approx(6e-6)
-    assert (found.name, found.title) == ("step_sawyer", "step: Sawyer")
+    assert found.name == name
+    assert found.title.startswith("step: Sawyer")
