@@ -22,6 +22,9 @@ from tests.problems import (
 )
 
 
+EPS = float(np.finfo(float).eps)
+
+
 def by_mpmath(
     problem: Problem, tolerance: float, secondary: np.ndarray | None = None
 ) -> tuple[np.ndarray, list[float]]:
@@ -212,7 +215,9 @@ def test_invariances(seed: int, shared: int) -> None:
     np.testing.assert_array_equal(truth(Problem(levels)).x, x)
     np.testing.assert_array_equal(truth(Problem([*problem.levels, problem.levels[0]])).x, x)
     assert x is not None
-    np.testing.assert_allclose(truth(problem, x).x, x, rtol=1e-14)  # x is a rounded optimum
+    near = truth(problem, x).x  # x is a rounded optimum, and a projection is no further from another than it is
+    assert near is not None
+    assert np.linalg.norm(near - x) <= 2.0 * EPS * np.linalg.norm(x)
 
 
 @settings(max_examples=25, deadline=None)
