@@ -21,7 +21,6 @@ from tests.problems import (
     stack,
 )
 
-
 EPS = float(np.finfo(float).eps)
 
 
