@@ -46,6 +46,11 @@ class NullSpace(ClosedForm):
 
         return cascade.null_space if self.variant == "basis" else cascade.null_space_projector
 
+    def direct_kernel(self) -> Kernel | None:
+        from hqp_rp.core.kernels import cascade
+
+        return cascade.null_space_of if self.variant == "basis" else None
+
     def _judged(self, solution: Solution, code: float) -> Solution:
         if self.variant == "basis" or solution.x is None:
             return solution

@@ -54,6 +54,12 @@ class ReversePriority(ClosedForm):
             return reverse.damped_projector_form if self.form == "projector" else reverse.damped_columns_form
         return reverse.projector_form if self.form == "projector" else reverse.columns_form
 
+    def direct_kernel(self) -> Kernel | None:
+        from hqp_rp.core.kernels import reverse
+
+        plain = self.form == "columns" and (self.damp != "everywhere" or self.damping.kind == 0)
+        return reverse.columns_form_of if plain else None
+
     def batch_kernel(self) -> int:
         from hqp_rp.core.kernels import batch
 

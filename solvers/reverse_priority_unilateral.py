@@ -72,7 +72,7 @@ class ReversePriorityUnilateral(ClosedForm):
     def kernel(self) -> Kernel:
         from hqp_rp.core.kernels import reverse
 
-        return lambda *arguments: reverse.reverse_priority(*arguments[:-1], False, arguments[-1])
+        return reverse.columns_form
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The answer with the least disturbance of the levels; see `Solver.solve`."""

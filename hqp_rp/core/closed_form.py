@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hqp_rp.core.damping import Damping, NoDamping, checked_damping
-from hqp_rp.core.errors import SettingError
+from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
@@ -29,6 +29,14 @@ _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand
 def zeros(n: int) -> FloatArray:
     """The (n,) zero vector that stands for "no free vector"; shared, never to be written to."""
     return np.zeros(n)
+
+
+def free_copy(secondary: ArrayLike, n: int) -> FloatArray:
+    """A copy of the free vector that compiled code may write to. Raises `ProblemError` where it is not (n,)."""
+    x = np.array(secondary, dtype=np.float64)
+    if x.shape != (n,):
+        raise ProblemError(f"secondary has shape {x.shape}; it must be ({n},), one number for each unknown.")
+    return x
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -61,22 +69,50 @@ class ClosedForm(Solver):
     def kernel(self) -> Kernel:
         """The compiled kernel for these settings."""
 
+    def direct_kernel(self) -> Kernel | None:
+        """The same kernel for a described problem, where there is one: (problem's address, settings' address, x) -> code.
+
+        x holds the free vector, then the answer; see `hqp_rp.core.kernels.direct`.
+        """
+        return None
+
     @functools.cached_property
     def _bound(self) -> tuple[Kernel, float, int, float, float]:
         """The kernel and its settings, looked up once: a control loop pays for the solve alone."""
         first, second = self.damping.parameters
         return self.kernel(), float(self.rank_tolerance), self.damping.kind, first, second
 
+    @functools.cached_property
+    def _direct(self) -> tuple[Kernel, int, FloatArray] | None:
+        """The direct kernel's machine code, and the address of its settings beside the array that holds them."""
+        kernel = self.direct_kernel()
+        if kernel is None:
+            return None
+        from hqp_rp.core.kernels.direct import closed_form_entry
+
+        settings = np.array([self.rank_tolerance, self.damping.kind, *self.damping.parameters])
+        return closed_form_entry(kernel), int(settings.__array_interface__["data"][0]), settings
+
     def __getstate__(self) -> dict[str, object]:
-        return {name: value for name, value in self.__dict__.items() if name != "_bound"}
+        return {name: value for name, value in self.__dict__.items() if name not in {"_bound", "_direct"}}
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         if problem.hard is not None or not problem.is_equality:
             refusal = self._refusal(problem)
             if refusal is not None:
                 return refusal
-        matrix, rhs, _, offsets = problem.stacked
-        return self._run(problem, matrix, rhs, offsets, secondary)
+        direct = self._direct
+        if direct is None:
+            matrix, rhs, _, offsets = problem.stacked
+            return self._run(problem, matrix, rhs, offsets, secondary)
+        x = np.zeros(problem.n) if secondary is None else free_copy(secondary, problem.n)
+        try:
+            code = direct[0](problem._address or problem.address, direct[1], x)
+        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
+            code = 0.0
+        if secondary is None and code is True:
+            return Solution(problem, x)
+        return self._answer(problem, x, code, secondary)
 
     def _run(
         self, problem: Problem, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray | None
@@ -86,13 +122,14 @@ class ClosedForm(Solver):
         free = zeros(problem.n) if secondary is None else secondary
         try:
             code = kernel(matrix, rhs, offsets, free, tolerance, kind, first, second, x)
-        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
+        except (ValueError, np.linalg.LinAlgError):
             code = 0.0
+        return self._answer(problem, x, code, secondary)
+
+    def _answer(self, problem: Problem, x: FloatArray, code: float, secondary: FloatArray | None) -> Solution:
         if not code:
             return Solution(problem, None, Status.NOT_FINITE, 0, _OVERFLOW, secondary)
-        solution = Solution(problem, x)
-        if secondary is not None:
-            solution.secondary = secondary
+        solution = Solution(problem, x, secondary=secondary)
         return solution if code is True else self._judged(solution, code)
 
     def batch_kernel(self) -> int | None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -104,7 +105,38 @@ class Level:
         return level
 
 
-class Problem:
+class _Fields:
+    """What a problem holds, written before it becomes a `Problem`: one that refuses to be written costs ten times as much."""
+
+    __slots__ = (
+        "_address",
+        "_block",
+        "_levels",
+        "_public",
+        "_with_hard",
+        "hard",
+        "is_equality",
+        "n",
+        "names",
+        "p",
+        "stacked",
+    )
+
+    stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray]
+    names: tuple[str, ...]
+    hard: Level | None
+    n: int
+    p: int
+    is_equality: bool
+    _address: int
+    _block: IntArray
+    _levels: tuple[Level, ...] | None
+    _public: tuple[FloatArray, FloatArray, FloatArray, IntArray] | None
+    _with_hard: Stacked | None
+
+
+@final
+class Problem(_Fields):
     """A lexicographic problem: minimize each level's violation in turn, without spoiling the levels before it.
 
     ::
@@ -135,14 +167,7 @@ class Problem:
     Source: equations (2), (9) of the paper; Escande, Mansard and Wieber 2014 for two-sided rows at any level.
     """
 
-    __slots__ = ("_levels", "_public", "_with_hard", "hard", "is_equality", "n", "names", "p", "stacked")
-
-    stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray]
-    names: tuple[str, ...]
-    hard: Level | None
-    n: int
-    p: int
-    is_equality: bool
+    __slots__ = ()
 
     def __init__(self, levels: Sequence[Level], hard: Level | None = None) -> None:
         levels = _checked_levels(levels, hard)
@@ -159,7 +184,8 @@ class Problem:
         names = tuple(level.name or f"level {k + 1}" for k, level in enumerate(levels))
         own_lower = lower[on_top:]
         own_upper = own_lower if equality else upper[on_top:]
-        self._fill((matrix[on_top:], own_lower, own_upper, offsets), names, hard, equality)
+        object.__setattr__(self, "__class__", _Fields)
+        _become_problem(self, (matrix[on_top:], own_lower, own_upper, offsets), names, hard, equality)
         if on_top:
             object.__setattr__(self, "_with_hard", Stacked(matrix, lower, upper, _under(offsets, on_top)))
 
@@ -184,34 +210,14 @@ class Problem:
         """
         if check:
             return cls(_split(matrix, lower, upper, offsets, names), hard)
-        problem = object.__new__(cls)
         if names is None:
             names = [f"level {k + 1}" for k in range(len(offsets) - 1)]
         equality = lower is upper or bool((lower == upper).all())
-        problem._fill((matrix, lower, upper, offsets), tuple(names), hard, equality)
-        return problem
-
-    def _fill(
-        self,
-        stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray],
-        names: tuple[str, ...],
-        hard: Level | None,
-        equality: bool,
-    ) -> None:
-        set_ = object.__setattr__
-        set_(self, "stacked", stacked)
-        set_(self, "names", names)
-        set_(self, "hard", hard)
-        set_(self, "n", stacked[0].shape[1])
-        set_(self, "p", len(stacked[3]) - 1)
-        set_(self, "is_equality", equality)
-        set_(self, "_public", None)
-        set_(self, "_levels", None)
-        set_(self, "_with_hard", None)
+        return _become_problem(_Fields(), (matrix, lower, upper, offsets), tuple(names), hard, equality)
 
     def _read_only(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """Read-only views of `stacked`, made when first asked for: a control loop's solvers need none."""
-        public: tuple[FloatArray, FloatArray, FloatArray, IntArray] | None = self._public  # type: ignore[attr-defined]
+        public = self._public
         if public is None:
             matrix, lower, upper, offsets = self.stacked
             low = _frozen(lower.view())
@@ -243,7 +249,7 @@ class Problem:
     @property
     def levels(self) -> tuple[Level, ...]:
         """The levels, most important first, as views of the stacked arrays."""
-        levels: tuple[Level, ...] | None = self._levels  # type: ignore[attr-defined]
+        levels = self._levels
         if levels is None:
             levels = tuple(self._views())
             object.__setattr__(self, "_levels", levels)
@@ -252,7 +258,7 @@ class Problem:
     @property
     def with_hard(self) -> Stacked:
         """`stacked` with the hard rows (none: an empty level) as level 0; do not write to it."""
-        found: Stacked | None = self._with_hard  # type: ignore[attr-defined]
+        found = self._with_hard
         if found is None:
             matrix, lower, upper, offsets = self.stacked
             on_top = 0 if self.hard is None else self.hard.m
@@ -263,6 +269,18 @@ class Problem:
             found = Stacked(matrix, lower, upper, _under(offsets, on_top))
             object.__setattr__(self, "_with_hard", found)
         return found
+
+    @property
+    def address(self) -> int:
+        """Where `hqp_rp.core.kernels.direct` finds this problem described, as long as it lives.
+
+        Raises `ProblemError` where `from_stacked(check=False)` was given arrays that compiled code cannot read.
+        """
+        if not self._address:
+            block, address = described(*self.stacked, self.hard)
+            object.__setattr__(self, "_block", block)
+            object.__setattr__(self, "_address", address)
+        return self._address
 
     def _views(self) -> Iterator[Level]:
         for k in range(self.p):
@@ -279,6 +297,66 @@ class Problem:
         rows = " + ".join(str(int(m)) for m in np.diff(self.offsets))
         hard = f", {self.hard.m} hard rows" if self.hard is not None else ""
         return f"Problem({rows} rows on {self.n} unknowns{hard})"
+
+
+def _become_problem(
+    fields: _Fields,
+    stacked: tuple[FloatArray, FloatArray, FloatArray, IntArray],
+    names: tuple[str, ...],
+    hard: Level | None,
+    equality: bool,
+) -> Problem:
+    fields.stacked = stacked
+    fields.names = names
+    fields.hard = hard
+    fields.n = stacked[0].shape[1]
+    fields.p = len(stacked[3]) - 1
+    fields.is_equality = equality
+    fields._address = 0
+    fields._levels = fields._public = fields._with_hard = None
+    fields.__class__ = Problem
+    return fields  # type: ignore[return-value]
+
+
+@functools.cache
+def _direct() -> Any:
+    """The compiled code that describes arrays, imported when first needed."""
+    from hqp_rp.core.kernels import direct
+
+    return direct
+
+
+def described(
+    matrix: FloatArray, lower: FloatArray, upper: FloatArray, offsets: IntArray, hard: Level | None
+) -> tuple[IntArray, int]:
+    """The block of `hqp_rp.core.kernels.direct` for these arrays, and its address; both hold as long as block and arrays live.
+
+    Raises `ProblemError` for arrays that compiled code cannot read.
+    """
+    direct = _direct()
+    block = np.empty(direct.SIZE, np.int64)
+    try:
+        address: int = direct.describe(matrix, lower, upper, offsets, block)
+        if hard is not None:
+            direct.describe_hard(hard.A, hard.lower, hard.upper, block)
+        return block, address
+    except TypeError:
+        pass
+    arrays = [("matrix", matrix), ("lower", lower), ("upper", upper), ("offsets", offsets)]
+    if hard is not None:
+        arrays += [("hard.A", hard.A), ("hard.lower", hard.lower), ("hard.upper", hard.upper)]
+    for name, array in arrays:
+        kind = np.dtype(np.int64 if name == "offsets" else np.float64)
+        if not isinstance(array, np.ndarray) or array.dtype != kind or not array.flags.c_contiguous:
+            told = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise ProblemError(
+                f"{name} is {told}; from_stacked(check=False) takes a C-contiguous {kind} array as it is. Convert "
+                "it with numpy.ascontiguousarray, or leave check=True."
+            )
+    places = [array.__array_interface__["data"][0] for _, array in arrays]  # read-only arrays
+    places += [0] * (7 - len(places))
+    block[:] = *places[:4], *matrix.shape, len(offsets) - 1, *places[4:], 0 if hard is None else hard.m
+    return block, int(block.__array_interface__["data"][0])
 
 
 def _under(offsets: IntArray, on_top: int) -> IntArray:

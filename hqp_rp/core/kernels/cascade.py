@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numba.np.numpy_support import carray
 
 from hqp_rp.core.kernels.compile import kernel, lean
-from hqp_rp.core.kernels.householder import padded
+from hqp_rp.core.kernels.direct import STACK_NUMBERS, equalities_of, numbers_at, sizes_of, stack_numbers
+from hqp_rp.core.kernels.householder import padded, reflect_rows_by_all
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
     frobenius,
@@ -16,6 +18,7 @@ from hqp_rp.core.kernels.orthogonal import (
     triangle,
     turn_back_by,
     turn_back_reflectors,
+    turn_forward_by,
 )
 
 
@@ -49,6 +52,12 @@ def solve_level(W, n, r0, r1, c0, r, rank, U, S, t, zero, scale, kind, first, se
             y[c0 + j] = residual[j]
 
 
+@lean
+def null_space_room(M, n, p):
+    """How many numbers `null_space_in` needs for M rows, n unknowns and p levels."""
+    return (M + 1) * padded(n) + 5 * M + 4 * p + 1 + p * n * n
+
+
 @kernel
 def null_space(A, b, offsets, z, tol, kind, first, second, x):
     """x = z + sum_k Z_{k-1} (A_k Z_{k-1})^# (b_k - A_k x_{k-1}); True when x is finite.
@@ -56,15 +65,31 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     Damping acts on the pseudo-inverse that gives the level's answer, never on the null space that the level leaves.
     """
     M, n = A.shape
-    p = len(offsets) - 1
-    N = padded(n)
-    room = np.empty(M * N + N + 5 * M + 4 * p + 1 + p * n * n)  # pages that no SVD writes to are never touched
-    return null_space_in(room, A, b, offsets, z, tol, kind, first, second, x)
+    room = np.empty(null_space_room(M, n, len(offsets) - 1))  # pages that no SVD writes to are never touched
+    for j in range(n):
+        x[j] = z[j]
+    return null_space_in(room, A, b, offsets, tol, kind, first, second, x)
+
+
+@kernel
+def null_space_of(problem, settings, x):
+    """`null_space` for the problem described at this address; settings: address of tol, kind, first, second; x: z, then x."""
+    M, n, p = sizes_of(problem)
+    A, b, offsets = equalities_of(problem)
+    given = carray(numbers_at(settings), (4,))
+    size = null_space_room(M, n, p)
+    room = carray(stack_numbers(), (STACK_NUMBERS,))
+    if size > STACK_NUMBERS:
+        room = np.empty(size)
+    return null_space_in(room, A, b, offsets, given[0], int(given[1]), given[2], given[3], x)
 
 
 @lean
-def null_space_in(room, A, b, offsets, z, tol, kind, first, second, x):
-    """`null_space` in a given room."""
+def null_space_in(room, A, b, offsets, tol, kind, first, second, x):
+    """`null_space` in a given room, x holding z at first.
+
+    The reflectors of finished levels reach a level when its turn comes: levels behind the last free direction need none.
+    """
     M, n = A.shape
     p = len(offsets) - 1
     N = padded(n)
@@ -76,51 +101,64 @@ def null_space_in(room, A, b, offsets, z, tol, kind, first, second, x):
     ref_tau = vectors[2 * M : 3 * M]
     scale = vectors[3 * M : 3 * M + p]
     counts = vectors[3 * M + p : 5 * M + 4 * p + 1].view(np.int64)
-    turns = vectors[5 * M + 4 * p + 1 :].reshape((p, n, n))
+    turns = vectors[5 * M + 4 * p + 1 : 5 * M + 4 * p + 1 + p * n * n].reshape((p, n, n))
     if not load(A, b, offsets, W, rhs, scale):
         return False
-    for i in range(M):
-        for j in range(n):
-            rhs[i] -= W[i, j] * z[j]
     ref_row = counts[:M]
     ref_col = counts[M : 2 * M]
     start = counts[2 * M : 2 * M + p + 1]
     column = counts[2 * M + p + 1 : 2 * M + 2 * p + 1]
     turned = counts[2 * M + 2 * p + 1 :]
-    start[0] = 0
     for j in range(N):
         y[j] = 0.0
+    start[0] = 0
     c0 = 0
-    for k in range(p):
+    levels = 0
+    while levels < p and c0 < n:
+        k = levels
+        levels += 1
         r0 = offsets[k]
         r1 = offsets[k + 1]
         column[k] = c0
         turned[k] = 0
-        norm = frobenius(W, r0, r1) if k == 0 else scale[k] * frobenius(A, r0, r1)
-        r, proven = triangle(W, r0, r1, c0, M, rhs, norm, tol, start[k], ref_row, ref_col, ref_tau)
-        start[k + 1] = start[k] + r
+        start[k + 1] = start[k]
+        if r0 == r1:
+            continue
+        norm = frobenius(W, r0, r1)
+        for i in range(r0, r1):
+            s = rhs[i]
+            for j in range(n):
+                s -= W[i, j] * x[j]
+            t[i] = s
+        for before in range(k):
+            count = start[before + 1] - start[before]
+            reflect_rows_by_all(W, r0, r1, W, offsets[before], count, column[before], ref_tau, start[before])
+            if turned[before]:
+                for i in range(r0, r1):
+                    turn_forward_by(turns[before], turned[before], W[i], column[before])
+        for i in range(r0, r1):
+            for j in range(c0):
+                t[i] -= W[i, j] * y[j]
+        r, proven = triangle(W, r0, r1, c0, r1, t, norm, tol, start[k], ref_row, ref_col, ref_tau)
+        start[k + 1] += r
         if r == 0:
             continue
-        for i in range(r1 - r0):
-            s = rhs[r0 + i]
-            for j in range(c0):
-                s -= W[r0 + i, j] * y[j]
-            t[i] = s
+        right = t[r0:r1]
         if proven and kind == 0:
-            level_least_squares(W, r0, r1, c0, r, t)
+            level_least_squares(W, r0, r1, c0, r, right)
             for j in range(r):
-                y[c0 + j] = t[j]
+                y[c0 + j] = right[j]
             c0 += r
             continue
-        rank, _ = svd_level(W, n, r0, r1, c0, M, r, A, r0, r1, scale[k], tol, t, kind, first, second, y, turns[k])
+        rank, _ = svd_level(W, n, r0, r1, c0, r1, r, A, r0, r1, scale[k], tol, right, kind, first, second, y, turns[k])
         turned[k] = r
         c0 += rank
-    for k in range(p - 1, -1, -1):
+    for k in range(levels - 1, -1, -1):
         if turned[k]:
             turn_back_by(turns[k], turned[k], y, column[k])
         turn_back_reflectors(W, y, start[k], start[k + 1], ref_row, ref_col, ref_tau)
     for j in range(n):
-        x[j] = z[j] + y[j]
+        x[j] += y[j]
     return finite(x)
 
 

@@ -48,8 +48,25 @@ def lean(function: Compiled) -> Compiled:
 
     Where arrays are passed about, numba counts references by atomic instructions in calls of their own; on seven unknowns they
     took five times as long as the arithmetic. What such a function may call: other lean ones, and kernels that return no array.
+    `_nrt` is a private option of numba; a test holds that it still does what is said here.
     """
     return _compiled(function, _nrt=False)
+
+
+def fixed(function: Compiled, signature: tuple[Any, ...]) -> Compiled:
+    """A `kernel` for these types and no others: called with any others, it raises `TypeError`."""
+    function.compile(signature)  # type: ignore[attr-defined]
+    function.disable_compile()  # type: ignore[attr-defined]
+    return function
+
+
+def entry(function: Compiled, signature: tuple[Any, ...]) -> Compiled:
+    """The machine code of a kernel for these types as a plain builtin: a call costs half of what the kernel's own does.
+
+    It does not look at the types: only for numbers and arrays that the caller has made or checked.
+    """
+    function.compile(signature)  # type: ignore[attr-defined]
+    return cast(Compiled, function.overloads[signature].entry_point)  # type: ignore[attr-defined]
 
 
 def _compiled(function: Compiled, *, _nrt: bool) -> Compiled:

@@ -7,6 +7,8 @@ from hqp_rp.core.kernels.vector import (
     make_reflector,
     reflect_four_rows,
     reflect_row,
+    reflect_three_rows,
+    reflect_two_rows,
     reflect_vector,
     sum_of_squares,
     swap_rows,
@@ -34,9 +36,12 @@ def reflect_rows(W, i0, i1, V, t, column, tau):
         while i + 4 <= i1:
             reflect_four_rows(W, i, V, t, column, tau)
             i += 4
-        while i < i1:
+        if i + 3 == i1:
+            reflect_three_rows(W, i, V, t, column, tau)
+        elif i + 2 == i1:
+            reflect_two_rows(W, i, V, t, column, tau)
+        elif i < i1:
             reflect_row(W, i, V, t, column, tau)
-            i += 1
         return
     while i < i1:
         dot = W[i, column]
@@ -60,10 +65,15 @@ def reflect_rows_by_all(W, i0, i1, V, t0, count, c0, tau, s0):
         for t in range(count):
             reflect_four_rows(W, i, V, t0 + t, c0 + t, tau[s0 + t])
         i += 4
-    while i < i1:
+    if i + 3 == i1:
+        for t in range(count):
+            reflect_three_rows(W, i, V, t0 + t, c0 + t, tau[s0 + t])
+    elif i + 2 == i1:
+        for t in range(count):
+            reflect_two_rows(W, i, V, t0 + t, c0 + t, tau[s0 + t])
+    elif i < i1:
         for t in range(count):
             reflect_row(W, i, V, t0 + t, c0 + t, tau[s0 + t])
-        i += 1
 
 
 @inlined

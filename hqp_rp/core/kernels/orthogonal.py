@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import kernel, lean
+from hqp_rp.core.kernels.compile import inlined, kernel, lean
 from hqp_rp.core.kernels.householder import (
     householder,
     is_padded,
@@ -23,6 +23,7 @@ from hqp_rp.core.kernels.householder import (
     swap_any_rows,
     turn_vector,
 )
+from hqp_rp.core.kernels.vector import INFINITE_BITS, copy_row, float_of, largest_bits
 
 EPS = 2.220446049250313e-16
 
@@ -30,29 +31,32 @@ EPS = 2.220446049250313e-16
 @lean
 def load(A, b, offsets, W, rhs, scale):
     """Copy A into W (filled up with zeros) and b into rhs, each level scaled by a power of two; False if not finite."""
-    n = A.shape[1]
     finite = True
     for k in range(len(offsets) - 1):
-        big = 0.0
-        for i in range(offsets[k], offsets[k + 1]):
-            for j in range(n):
-                a = abs(A[i, j])
-                if not a < np.inf:
-                    finite = False
-                big = max(big, a)
-        s = 1.0
-        if big > 0.0 and finite:
-            s = math.ldexp(1.0, max(-1000, min(1000, -math.frexp(big)[1])))
+        r0 = offsets[k]
+        r1 = offsets[k + 1]
+        big = largest_bits(A, r0, r1)
+        s = power_to_unit(big)
+        finite = finite and big < INFINITE_BITS
         scale[k] = s
-        for i in range(offsets[k], offsets[k + 1]):
-            for j in range(n):
-                W[i, j] = A[i, j] * s
-            for j in range(n, W.shape[1]):
-                W[i, j] = 0.0
+        for i in range(r0, r1):
+            if is_padded(W):
+                copy_row(W, i, A, i, s)
+            else:
+                for j in range(A.shape[1]):
+                    W[i, j] = A[i, j] * s
             rhs[i] = b[i] * s
             if not abs(rhs[i]) < np.inf:
                 finite = False
     return finite
+
+
+@inlined
+def power_to_unit(big):
+    """The power of two that brings a number with these bits into [0.5, 1), as far as powers to +-1000 do; 1 for 0 and inf."""
+    if big == 0 or big >= INFINITE_BITS:
+        return 1.0
+    return float_of((1023 + max(-1000, min(1000, 1022 - (big >> 52)))) << 52)
 
 
 @lean

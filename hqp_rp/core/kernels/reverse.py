@@ -15,9 +15,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba.np.numpy_support import carray
 
 from hqp_rp.core.kernels.cascade import apply_pseudo_inverse, finite, pseudo_inverse, solve_level
 from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.direct import STACK_NUMBERS, equalities_of, numbers_at, sizes_of, stack_numbers
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
     factor,
@@ -208,10 +210,6 @@ def reverse_priority(A, b, offsets, z, tol, kind, first, second, projector, x):
     """
     M, n = A.shape
     p = len(offsets) - 1
-    if kind == 0 and not projector:
-        code = plain_columns(np.empty(plain_room(M, n, p)), A, b, offsets, z, tol, x)
-        if code != UNPROVEN:
-            return code == DONE
     W0 = np.empty((M, n))
     rhs = np.empty(M)
     scale = np.empty(p)
@@ -293,7 +291,33 @@ def reverse_priority_damped_everywhere(A, b, offsets, z, tol, kind, first, secon
 @kernel
 def columns_form(A, b, offsets, z, tol, kind, first, second, x):
     """(29), damped by T_k alone."""
+    if kind == 0:
+        code = plain_columns(np.empty(plain_room(A.shape[0], A.shape[1], len(offsets) - 1)), A, b, offsets, z, tol, x)
+        if code != UNPROVEN:
+            return code == DONE
     return reverse_priority(A, b, offsets, z, tol, kind, first, second, False, x)
+
+
+@kernel
+def columns_form_of(problem, settings, x):
+    """`columns_form` for the problem described at this address; settings: address of tol, kind, first, second; x: z, then x."""
+    M, n, p = sizes_of(problem)
+    A, b, offsets = equalities_of(problem)
+    given = carray(numbers_at(settings), (4,))
+    tol = given[0]
+    kind = int(given[1])
+    size = plain_room(M, n, p)
+    room = carray(stack_numbers(), (STACK_NUMBERS,))
+    if n + size > STACK_NUMBERS:
+        room = np.empty(n + size)
+    z = room[size : size + n]
+    for j in range(n):
+        z[j] = x[j]
+    if kind == 0:
+        code = plain_columns(room, A, b, offsets, z, tol, x)
+        if code != UNPROVEN:
+            return code == DONE
+    return reverse_priority(A, b, offsets, z, tol, kind, given[2], given[3], False, x)
 
 
 @kernel
