@@ -49,8 +49,7 @@ test: export OPENBLAS_NUM_THREADS ?= 1
 test: setup
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --maxprocesses 4 --dist worksteal $(PYTEST_ARGS)
 
-# Without compilation, so that the lines of the kernels are seen; slow.
-coverage: export NUMBA_DISABLE_JIT = 1
+# The kernels are machine code, whose lines nobody counts.
 coverage: setup
 	$(BIN)/coverage erase
 	$(BIN)/coverage run -m pytest $(PYTEST_ARGS)

@@ -16,7 +16,7 @@ from hqp_rp.compare.bench_families import Family, family
 from hqp_rp.compare.bench_lexls import lexls_loops
 from hqp_rp.compare.bench_native import Loop, NotBuilt, build, caller, stacked
 from hqp_rp.compare.bench_timing import TURN, LocalRunner, Timing, interleaved
-from hqp_rp.core.closed_form import ClosedForm, zeros
+from hqp_rp.core.closed_form import ClosedForm
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE, get_solver
 
@@ -89,17 +89,21 @@ def measure_floor(
 def _measured(made: Family, native: Mapping[str, Loop], calls: int, budget: float) -> Floor:
     known = references(made.problems)
     accuracy = {label: _judged(made.problems, loop, known) for label, loop in native.items()}
+    from hqp_rp.core.kernels.direct import closed_form_entry
+
     passes: dict[str, tuple[Callable[[], Any], int]] = {
         label: _pass(loop, len(made.problems)) for label, loop in native.items()
     }
     solver = _solver()
-    arguments = [_arguments(solver, problem) for problem in made.problems]
-    kernel, solve = solver.kernel(), solver.solve
+    addresses = [problem.address for problem in made.problems]
+    kernel, solve = closed_form_entry(_kernel(solver)), solver.solve
+    settings, x = _settings(solver), np.zeros(made.problems[0].n)
+    place = settings.ctypes.data
 
     def call_all(repeats: int) -> None:
         for _ in range(repeats):
-            for each in arguments:
-                kernel(*each)
+            for address in addresses:
+                kernel(address, place, x)
 
     def solve_all(repeats: int) -> None:
         for _ in range(repeats):
@@ -171,11 +175,16 @@ def _solver() -> ClosedForm:
     return solver
 
 
-def _arguments(solver: ClosedForm, problem: Problem) -> tuple[Any, ...]:
-    """What the solver hands to its kernel, as `Kernel` has it."""
-    matrix, rhs, _, offsets = problem.stacked
-    settings = (float(solver.rank_tolerance), solver.damping.kind, *solver.damping.parameters)
-    return (matrix, rhs, offsets, zeros(problem.n), *settings, np.empty(problem.n))
+def _kernel(solver: ClosedForm) -> Any:
+    """What `Solver.solve` calls."""
+    kernel = solver.direct_kernel()
+    assert kernel is not None
+    return kernel
+
+
+def _settings(solver: ClosedForm) -> FloatArray:
+    """What the kernel reads: rank tolerance, kind of damping and its two parameters."""
+    return np.array([solver.rank_tolerance, solver.damping.kind, *solver.damping.parameters])
 
 
 def _compiled_loop() -> Callable[[Sequence[Problem]], Loop]:
@@ -183,21 +192,21 @@ def _compiled_loop() -> Callable[[Sequence[Problem]], Loop]:
     import numba
 
     solver = _solver()
-    kernel = solver.kernel()
+    kernel = _kernel(solver)
 
     @numba.njit(nogil=True, error_model="numpy")
-    def over(A, b, offsets, z, tol, kind, first, second, X, repeats):  # type: ignore[no-untyped-def]
+    def over(addresses, settings, X, repeats):  # type: ignore[no-untyped-def]
         for _ in range(repeats):
-            for i in range(len(A)):
-                kernel(A[i], b[i], offsets, z, tol, kind, first, second, X[i])
+            X[:] = 0.0
+            for i in range(len(addresses)):
+                kernel(addresses[i], settings.ctypes.data, X[i])
 
     def made(problems: Sequence[Problem]) -> Loop:
-        A, b, offsets = stacked(problems)
-        X = np.empty((len(A), A.shape[2]))
-        _, _, _, z, tol, kind, first, second, _ = _arguments(solver, problems[0])
+        addresses = np.array([problem.address for problem in problems])
+        settings, X = _settings(solver), np.empty((len(problems), problems[0].n))
 
         def loop(repeats: int) -> FloatArray:
-            over(A, b, offsets, z, tol, kind, first, second, X, repeats)
+            over(addresses, settings, X, repeats)
             return X
 
         return loop

@@ -105,9 +105,10 @@ class ClosedForm(Solver):
         if direct is None:
             matrix, rhs, _, offsets = problem.stacked
             return self._run(problem, matrix, rhs, offsets, secondary)
+        address = problem._address or problem.address
         x = np.zeros(problem.n) if secondary is None else free_copy(secondary, problem.n)
         try:
-            code = direct[0](problem._address or problem.address, direct[1], x)
+            code = direct[0](address, direct[1], x)
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             code = 0.0
         if secondary is None and code is True:

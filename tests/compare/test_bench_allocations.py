@@ -5,28 +5,26 @@ from __future__ import annotations
 import subprocess
 from typing import Any
 
-import numba
 import pytest
 
 from hqp_rp.compare import bench_allocations
 from hqp_rp.compare.bench_allocations import ALLOCATING, allocations
 
 
-@pytest.mark.skipif(
-    numba.config.DISABLE_JIT, reason="kernels are not compiled here, so that they allocate through Python"
-)
 def test_what_a_solve_allocates_is_counted() -> None:
-    rows, sentence = allocations(["null space", "QP ProxQP"], ["7_3-3", "7_limits", "100"])
+    rows, sentence = allocations(["null space", "reverse priority", "QP ProxQP"], ["7_3-3", "7_limits", "100"])
     assert sentence == ""
     found = {(row.label, row.family): row for row in rows}
     assert set(found) == {
         ("null space", "7_3-3"), ("null space", "100"),
+        ("reverse priority", "7_3-3"), ("reverse priority", "100"),
         ("QP ProxQP", "7_3-3"), ("QP ProxQP", "7_limits"), ("QP ProxQP", "100"),
     }  # fmt: skip
     for (_, family), row in found.items():
         assert row.kept >= 8 * (100 if family == "100" else 7)  # x itself
         assert row.arrays >= 0
         assert row.beyond >= 0
+    assert found["null space", "7_3-3"].arrays == found["reverse priority", "7_3-3"].arrays == 0
     # The cascade keeps a working copy and a basis for every level.
     assert found["QP ProxQP", "100"].beyond > 8 * 90 * 100
     assert found["QP ProxQP", "100"].arrays > found["QP ProxQP", "7_3-3"].arrays

@@ -1,0 +1,148 @@
+"""Problems that reach a kernel by the address of a block."""
+
+from __future__ import annotations
+
+import gc
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from hqp_rp import ConstantDamping, Level, Problem, ProblemError, get_solver, solve
+from hqp_rp.core.kernels import direct
+from hqp_rp.core.kernels.cascade import null_space, null_space_room
+from hqp_rp.core.kernels.compile import entry, fixed, kernel
+
+
+def arrays(n: int = 7, rows: tuple[int, ...] = (3, 3), seed: int = 0):
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal((sum(rows), n)), rng.standard_normal(sum(rows)), np.array([0, *np.cumsum(rows)])
+
+
+def unchecked(A, b, offsets, **more) -> Problem:
+    return Problem.from_stacked(A, b, b, offsets, check=False, **more)
+
+
+def plainly(A, b, offsets) -> np.ndarray:
+    """The kernel called with arrays."""
+    x = np.empty(A.shape[1])
+    assert null_space(A, b, offsets, np.zeros(len(x)), 1e-12, 0, 0.0, 0.0, x)
+    return x
+
+
+@pytest.mark.parametrize(
+    ("n", "rows"), [(1, (1,)), (7, (3, 3)), (8, (3, 0, 5)), (9, (4, 4, 9)), (30, (6, 12, 30)), (100, (15,) * 6)]
+)
+def test_the_answer_is_that_of_the_kernel_called_with_arrays(n: int, rows: tuple[int, ...]) -> None:
+    A, b, offsets = arrays(n, rows)
+    x = get_solver("null_space").solve(unchecked(A, b, offsets)).x
+    np.testing.assert_array_equal(x, plainly(A, b, offsets))
+
+
+def test_small_and_large_problems_take_their_room_from_the_stack_and_from_the_heap() -> None:
+    assert null_space_room(13, 7, 3) <= direct.STACK_NUMBERS < null_space_room(90, 100, 6)
+
+
+def test_the_block_of_a_problem() -> None:
+    A, b, offsets = arrays()
+    hard = Level(np.eye(7), -1.0, 1.0)
+    problem = unchecked(A, b, offsets, hard=hard)
+    assert problem.address == problem.address
+    block = problem._block
+    assert block.ctypes.data == problem.address
+    places = [array.ctypes.data for array in (A, b, b, offsets)]
+    assert block[: direct.HARD_MATRIX].tolist() == [*places, 6, 7, 2]
+    places = [array.ctypes.data for array in (hard.A, hard.lower, hard.upper)]
+    assert block[direct.HARD_MATRIX :].tolist() == [*places, 7]
+
+
+def test_read_only_arrays_are_described_as_well() -> None:
+    A, b, offsets = arrays()
+    for array in (A, b, offsets):
+        array.flags.writeable = False
+    problem = unchecked(A, b, offsets, hard=Level(np.eye(7), -1.0, 1.0))
+    assert problem.address == problem._block.ctypes.data
+    assert problem._block[direct.MATRIX] == A.ctypes.data
+    assert problem._block[direct.HARD_ROWS] == 7
+    x = get_solver("null_space").solve(unchecked(A, b, offsets)).x
+    np.testing.assert_array_equal(x, plainly(A.copy(), b.copy(), offsets.copy()))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("matrix", lambda A, b, o: (A.astype(np.float32), b, o)),
+        ("matrix", lambda A, b, o: (np.asfortranarray(A), b, o)),
+        ("lower", lambda A, b, o: (A, np.repeat(b, 2)[::2], o)),
+        ("offsets", lambda A, b, o: (A, b, o.astype(np.int32))),
+    ],
+)
+def test_arrays_that_compiled_code_cannot_read_are_refused_by_name(name: str, change) -> None:
+    problem = unchecked(*change(*arrays()))
+    with pytest.raises(ProblemError, match=f"^{name} is .*; from_stacked.* takes a C-contiguous (float|int)64 array"):
+        get_solver("null_space").solve(problem)
+
+
+def test_the_arrays_outlive_whoever_made_the_problem() -> None:
+    def made() -> Problem:
+        A, b, offsets = arrays(seed=5)
+        return unchecked(A, b, offsets)
+
+    problem = made()
+    address = problem.address
+    gc.collect()
+    others = [np.full(42, np.nan) for _ in range(1000)]
+    assert problem.address == address
+    np.testing.assert_array_equal(get_solver("null_space").solve(problem).x, plainly(*arrays(seed=5)))
+    assert len(others) == 1000
+
+
+def test_a_copy_describes_itself() -> None:
+    problem = unchecked(*arrays())
+    copy = pickle.loads(pickle.dumps(problem))
+    assert problem.address != copy.address
+    np.testing.assert_array_equal(solve(copy, "null_space").x, solve(problem, "null_space").x)
+
+
+@pytest.mark.parametrize("name", ["null_space", "reverse_priority"])
+def test_the_free_vector_may_be_any_numbers_and_is_not_written_to(name: str) -> None:
+    problem = unchecked(*arrays())
+    free = np.arange(7.0)
+    expected = get_solver(name).solve(problem, free).x
+    np.testing.assert_array_equal(free, np.arange(7.0))
+    for same in (list(range(7)), np.arange(7), np.arange(14.0)[::2] / 2.0):
+        np.testing.assert_array_equal(get_solver(name).solve(problem, same).x, expected)
+    with pytest.raises(ProblemError, match=r"secondary has shape \(6,\); it must be \(7,\)"):
+        get_solver(name).solve(problem, np.zeros(6))
+
+
+def test_damping_reaches_the_kernel() -> None:
+    problem = unchecked(*arrays())
+    plain = solve(problem, "reverse_priority").x
+    for name in ("null_space", "reverse_priority"):
+        damped = solve(problem, name, damping=ConstantDamping(0.5)).x
+        assert np.linalg.norm(damped) < 0.99 * np.linalg.norm(plain)
+
+
+def test_one_solver_serves_many_threads() -> None:
+    problems = [unchecked(*arrays(seed=seed)) for seed in range(64)]
+    solver = get_solver("null_space")
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(lambda problem: solver.solve(problem).x, problems * 20))
+    for problem, x in zip(problems * 20, found, strict=True):
+        np.testing.assert_array_equal(x, solver.solve(problem).x)
+
+
+def test_fixed_kernels_take_no_other_types_and_entries_are_the_kernel() -> None:
+    from numba.core import types
+
+    @kernel
+    def twice(x):
+        return 2.0 * x[0]
+
+    one = entry(twice, (types.float64[::1],))
+    assert one(np.array([1.5])) == twice(np.array([1.5])) == 3.0
+    only = fixed(twice, (types.float64[::1],))
+    with pytest.raises(TypeError, match="No matching definition"):
+        only(np.array([1], dtype=np.int64))
