@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
 
-from hqp_rp.core.closed_form import zeros
+from hqp_rp.core.closed_form import free_copy, zeros
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
@@ -19,11 +20,12 @@ _OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
 
 
 @functools.cache
-def _kernels() -> Any:
-    """The compiled kernels, imported when first needed."""
+def _kernels() -> tuple[Any, Callable[..., int]]:
+    """The module of the codes that the kernel returns, and the kernel, imported when first needed."""
     from hqp_rp.core.kernels import active_set
+    from hqp_rp.core.kernels.active_set_direct import active_set_entry
 
-    return active_set
+    return active_set, active_set_entry()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -81,25 +83,22 @@ class HierarchicalActiveSet(Solver):
         self._kept.clear()
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
-        active_set = _kernels()
-        matrix, lower, upper, starts = problem.with_hard
-        hard = 0 if problem.hard is None else problem.hard.m
-        rows = len(matrix)
-        key = (rows, problem.n, hard)
+        active_set, search = _kernels()
+        n, hard = problem.n, problem.hard
+        h = 0 if hard is None else hard.m
+        key = (h, rows := h + len(problem.stacked[1]), n)
         kept = self._kept.get(key) if self.warm_start else None
         if kept is None:
-            x, side = np.zeros(problem.n), np.zeros(rows, np.int64)
+            x, side = np.zeros(n), np.zeros(rows, np.int64)
         else:
             x, side = kept[0].copy(), kept[1].copy()
         limit = 200 + 10 * rows if self.max_iterations is None else self.max_iterations
-        free = zeros(problem.n) if secondary is None else secondary
-        tolerance, go_on = self.rank_tolerance, self.least_violation
+        free = zeros(n) if secondary is None else free_copy(secondary, n)
+        tolerance, address = self.rank_tolerance, problem._address or problem.address
         try:
-            code, iterations = active_set.hierarchical_active_set(
-                matrix, lower, upper, starts, hard, free, tolerance, limit, go_on, x, side
-            )
+            iterations, code = divmod(search(address, free, tolerance, limit, self.least_violation, x, side), 8)
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
-            code, iterations = active_set.NOT_FINITE, 0
+            iterations, code = 0, active_set.NOT_FINITE
         if code in (active_set.SOLVED, active_set.DELICATE):
             fault = ""
             if self.warm_start:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hqp_rp import ConstantDamping, Level, Problem, ProblemError, get_solver, solve
-from hqp_rp.core.kernels import direct
+from hqp_rp.core.kernels import direct, room
 from hqp_rp.core.kernels.cascade import null_space, null_space_room
 from hqp_rp.core.kernels.compile import entry, fixed, kernel
 
@@ -41,7 +41,7 @@ def test_the_answer_is_that_of_the_kernel_called_with_arrays(n: int, rows: tuple
 
 
 def test_small_and_large_problems_take_their_room_from_the_stack_and_from_the_heap() -> None:
-    assert null_space_room(13, 7, 3) <= direct.STACK_NUMBERS < null_space_room(90, 100, 6)
+    assert null_space_room(13, 7, 3) <= room.STACK_NUMBERS < null_space_room(90, 100, 6)
 
 
 def test_the_block_of_a_problem() -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba.np.numpy_support import carray
 
 from hqp_rp.core.kernels.compile import kernel, lean
-from hqp_rp.core.kernels.direct import STACK_NUMBERS, equalities_of, numbers_at, sizes_of, stack_numbers
+from hqp_rp.core.kernels.direct import equalities_of, sizes_of
 from hqp_rp.core.kernels.householder import padded, reflect_rows_by_all
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
@@ -20,6 +19,7 @@ from hqp_rp.core.kernels.orthogonal import (
     turn_back_reflectors,
     turn_forward_by,
 )
+from hqp_rp.core.kernels.room import STACK_NUMBERS, counts_in, matrix_in, numbers_at, stack_numbers
 
 
 @lean
@@ -76,9 +76,9 @@ def null_space_of(problem, settings, x):
     """`null_space` for the problem described at this address; settings: address of tol, kind, first, second; x: z, then x."""
     M, n, p = sizes_of(problem)
     A, b, offsets = equalities_of(problem)
-    given = carray(numbers_at(settings), (4,))
+    given = numbers_at(settings, 4)
     size = null_space_room(M, n, p)
-    room = carray(stack_numbers(), (STACK_NUMBERS,))
+    room = stack_numbers()
     if size > STACK_NUMBERS:
         room = np.empty(size)
     return null_space_in(room, A, b, offsets, given[0], int(given[1]), given[2], given[3], x)
@@ -93,15 +93,15 @@ def null_space_in(room, A, b, offsets, tol, kind, first, second, x):
     M, n = A.shape
     p = len(offsets) - 1
     N = padded(n)
-    W = room[: M * N].reshape((M, N))
+    W = matrix_in(room, 0, M, N)
     y = room[M * N : M * N + N]
     vectors = room[M * N + N :]
     rhs = vectors[:M]
     t = vectors[M : 2 * M]
     ref_tau = vectors[2 * M : 3 * M]
     scale = vectors[3 * M : 3 * M + p]
-    counts = vectors[3 * M + p : 5 * M + 4 * p + 1].view(np.int64)
-    turns = vectors[5 * M + 4 * p + 1 : 5 * M + 4 * p + 1 + p * n * n].reshape((p, n, n))
+    counts = counts_in(vectors, 3 * M + p, 2 * M + 3 * p + 1)
+    turns = 5 * M + 4 * p + 1
     if not load(A, b, offsets, W, rhs, scale):
         return False
     ref_row = counts[:M]
@@ -134,8 +134,9 @@ def null_space_in(room, A, b, offsets, tol, kind, first, second, x):
             count = start[before + 1] - start[before]
             reflect_rows_by_all(W, r0, r1, W, offsets[before], count, column[before], ref_tau, start[before])
             if turned[before]:
+                V = matrix_in(vectors, turns + before * n * n, n, n)
                 for i in range(r0, r1):
-                    turn_forward_by(turns[before], turned[before], W[i], column[before])
+                    turn_forward_by(V, turned[before], W[i], column[before])
         for i in range(r0, r1):
             for j in range(c0):
                 t[i] -= W[i, j] * y[j]
@@ -150,12 +151,13 @@ def null_space_in(room, A, b, offsets, tol, kind, first, second, x):
                 y[c0 + j] = right[j]
             c0 += r
             continue
-        rank, _ = svd_level(W, n, r0, r1, c0, r1, r, A, r0, r1, scale[k], tol, right, kind, first, second, y, turns[k])
+        V = matrix_in(vectors, turns + k * n * n, n, n)
+        rank, _ = svd_level(W, n, r0, r1, c0, r1, r, A, r0, r1, scale[k], tol, right, kind, first, second, y, V)
         turned[k] = r
         c0 += rank
     for k in range(levels - 1, -1, -1):
         if turned[k]:
-            turn_back_by(turns[k], turned[k], y, column[k])
+            turn_back_by(matrix_in(vectors, turns + k * n * n, n, n), turned[k], y, column[k])
         turn_back_reflectors(W, y, start[k], start[k + 1], ref_row, ref_col, ref_tau)
     for j in range(n):
         x[j] += y[j]

@@ -9,76 +9,45 @@ the addresses of the hard rows' matrix (h, n), lower (h,) and upper (h,), and h.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
-from typing import Any, cast
-
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.extending import intrinsic
-from numba.np.numpy_support import carray
+from numba.core import types
 
 from hqp_rp.core.kernels.compile import Compiled, entry, fixed, inlined, lean
+from hqp_rp.core.kernels.room import counts_at, matrix_at, numbers_at
 
 MATRIX, LOWER, UPPER, OFFSETS, ROWS, UNKNOWNS, LEVELS, HARD_MATRIX, HARD_LOWER, HARD_UPPER, HARD_ROWS = range(11)
 SIZE = 11
-
-STACK_NUMBERS = 480 if sys.platform == "win32" else 8192
-"""Numbers of working room that a kernel takes from the stack; Windows wants a check where a frame passes 4 KiB."""
-
-
-def _emitted(function: Callable[..., Any]) -> Compiled:
-    return cast(Compiled, intrinsic(function))
-
-
-@_emitted
-def numbers_at(_: Any, address: Any) -> Any:
-    """numbers_at(address): a pointer to float64."""
-    pointer = types.CPointer(types.float64)
-
-    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        return builder.inttoptr(given[0], context.get_value_type(pointer))
-
-    return pointer(types.int64), codegen
-
-
-@_emitted
-def counts_at(_: Any, address: Any) -> Any:
-    """counts_at(address): a pointer to int64."""
-    pointer = types.CPointer(types.int64)
-
-    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        return builder.inttoptr(given[0], context.get_value_type(pointer))
-
-    return pointer(types.int64), codegen
-
-
-@_emitted
-def stack_numbers(_: Any) -> Any:
-    """stack_numbers(): a pointer to `STACK_NUMBERS` float64 on the stack of the calling kernel, not initialized."""
-    pointer = types.CPointer(types.float64)
-
-    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        block = cgutils.alloca_once(builder, ir.DoubleType(), size=ir.Constant(ir.IntType(32), STACK_NUMBERS))
-        return builder.bitcast(block, context.get_value_type(pointer))
-
-    return pointer(), codegen
 
 
 @inlined
 def sizes_of(problem):
     """(M, n, p) of the problem described at this address."""
-    block = carray(counts_at(problem), (SIZE,))
+    block = counts_at(problem, SIZE)
     return block[ROWS], block[UNKNOWNS], block[LEVELS]
 
 
 @inlined
 def equalities_of(problem):
     """(A (M, n), b (M,), offsets (p + 1,)) of the problem described at this address."""
-    block = carray(counts_at(problem), (SIZE,))
-    A = carray(numbers_at(block[MATRIX]), (block[ROWS], block[UNKNOWNS]))
-    b = carray(numbers_at(block[LOWER]), (block[ROWS],))
-    return A, b, carray(counts_at(block[OFFSETS]), (block[LEVELS] + 1,))
+    block = counts_at(problem, SIZE)
+    A = matrix_at(block[MATRIX], block[ROWS], block[UNKNOWNS])
+    b = numbers_at(block[LOWER], block[ROWS])
+    return A, b, counts_at(block[OFFSETS], block[LEVELS] + 1)
+
+
+@inlined
+def upper_of(problem):
+    """The upper bounds (M,) of the problem described at this address."""
+    block = counts_at(problem, SIZE)
+    return numbers_at(block[UPPER], block[ROWS])
+
+
+@inlined
+def hard_rows_of(problem):
+    """(A (h, n), lower (h,), upper (h,)) of its hard rows."""
+    block = counts_at(problem, SIZE)
+    A = matrix_at(block[HARD_MATRIX], block[HARD_ROWS], block[UNKNOWNS])
+    lower = numbers_at(block[HARD_LOWER], block[HARD_ROWS])
+    return A, lower, numbers_at(block[HARD_UPPER], block[HARD_ROWS])
 
 
 @lean
@@ -90,6 +59,9 @@ def _describe(matrix, lower, upper, offsets, block):
     block[ROWS] = matrix.shape[0]
     block[UNKNOWNS] = matrix.shape[1]
     block[LEVELS] = offsets.shape[0] - 1
+    block[HARD_MATRIX] = 0
+    block[HARD_LOWER] = 0
+    block[HARD_UPPER] = 0
     block[HARD_ROWS] = 0
     return block.ctypes.data
 

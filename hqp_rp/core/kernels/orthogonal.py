@@ -23,6 +23,7 @@ from hqp_rp.core.kernels.householder import (
     swap_any_rows,
     turn_vector,
 )
+from hqp_rp.core.kernels.room import FEW_NUMBERS, few_numbers
 from hqp_rp.core.kernels.vector import INFINITE_BITS, copy_row, float_of, largest_bits
 
 EPS = 2.220446049250313e-16
@@ -129,7 +130,9 @@ def inverse_norm(W, r0, c0, r):
     if r == 1:
         return math.sqrt(total)
     total = 0.0
-    column = np.empty(r)
+    column = few_numbers()
+    if r > FEW_NUMBERS:
+        column = np.empty(r)
     for j in range(r):
         for i in range(j, r):
             s = 1.0 if i == j else 0.0

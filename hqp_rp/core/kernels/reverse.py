@@ -15,11 +15,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba.np.numpy_support import carray
 
 from hqp_rp.core.kernels.cascade import apply_pseudo_inverse, finite, pseudo_inverse, solve_level
 from hqp_rp.core.kernels.compile import kernel
-from hqp_rp.core.kernels.direct import STACK_NUMBERS, equalities_of, numbers_at, sizes_of, stack_numbers
+from hqp_rp.core.kernels.direct import equalities_of, sizes_of
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
     factor,
@@ -31,6 +30,7 @@ from hqp_rp.core.kernels.orthogonal import (
     turn_back,
 )
 from hqp_rp.core.kernels.reverse_plain import DONE, UNPROVEN, plain_columns, plain_room, row_weights
+from hqp_rp.core.kernels.room import STACK_NUMBERS, numbers_at, stack_numbers
 
 
 @kernel
@@ -303,11 +303,11 @@ def columns_form_of(problem, settings, x):
     """`columns_form` for the problem described at this address; settings: address of tol, kind, first, second; x: z, then x."""
     M, n, p = sizes_of(problem)
     A, b, offsets = equalities_of(problem)
-    given = carray(numbers_at(settings), (4,))
+    given = numbers_at(settings, 4)
     tol = given[0]
     kind = int(given[1])
     size = plain_room(M, n, p)
-    room = carray(stack_numbers(), (STACK_NUMBERS,))
+    room = stack_numbers()
     if n + size > STACK_NUMBERS:
         room = np.empty(n + size)
     z = room[size : size + n]
