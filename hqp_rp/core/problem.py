@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import functools
 import itertools
-import math
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, TypeAlias, TypeVar, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import ProblemError
+from hqp_rp.core.level import FloatArray, IntArray, Level, frozen
 
-FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.int64]
-_Scalar = TypeVar("_Scalar", bound=np.generic)
+__all__ = ["FloatArray", "IntArray", "Level", "Problem", "Stacked"]
 
 
 class Stacked(NamedTuple):
@@ -25,84 +23,6 @@ class Stacked(NamedTuple):
     lower: FloatArray
     upper: FloatArray
     offsets: IntArray
-
-
-class Level:
-    """Rows of one priority: `lower <= A x <= upper`, softened at this level (or hard, as `Problem(hard=...)`).
-
-    Args:
-        A: (m, n) matrix, finite; m may be 0.
-        lower: (m,) lower bounds, or a number for all rows; -inf means none.
-        upper: (m,) upper bounds, or a number for all rows; +inf means none.
-        name: what reports and errors call the level.
-
-    A row whose two bounds coincide is an equality `A x = b`. Arrays are copied and read-only.
-
-    Raises:
-        ProblemError: wrong shapes, NaN, infinite entries of A, or lower > upper; it names the level and the entry.
-    """
-
-    __slots__ = ("A", "lower", "name", "upper")
-
-    A: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    name: str
-
-    def __init__(self, A: ArrayLike, lower: ArrayLike, upper: ArrayLike, name: str = "") -> None:
-        label = f"level {name!r}" if name else "a level"
-        matrix = _real_array(A, f"{label}: A", copy=True)
-        if matrix.ndim != 2:
-            raise ProblemError(
-                f"{label}: A has {matrix.ndim} dimension(s), shape {matrix.shape}; it must be a matrix (m, n). "
-                "For one row, write A[None, :]."
-            )
-        _require_finite(matrix, f"{label}: A")
-        object.__setattr__(self, "name", str(name))
-        object.__setattr__(self, "A", _frozen(matrix))
-        object.__setattr__(self, "lower", _frozen(_bound(lower, len(matrix), f"{label}: lower")))
-        object.__setattr__(self, "upper", _frozen(_bound(upper, len(matrix), f"{label}: upper")))
-        _check_bounds(self.lower, self.upper, label)
-
-    @classmethod
-    def equality(cls, A: ArrayLike, b: ArrayLike, name: str = "") -> Level:
-        """The level `A x = b`: A (m, n), b (m,), both finite. Raises `ProblemError` as `Level` does."""
-        label = f"level {name!r}" if name else "a level"
-        rhs = _real_array(b, f"{label}: b", copy=True)
-        _require_finite(rhs, f"{label}: b")
-        return cls(A, rhs, rhs, name)
-
-    @property
-    def m(self) -> int:
-        """Number of rows."""
-        return int(self.A.shape[0])
-
-    @property
-    def n(self) -> int:
-        """Number of unknowns."""
-        return int(self.A.shape[1])
-
-    @property
-    def is_equality(self) -> bool:
-        """True when the two bounds of every row coincide."""
-        return bool(np.array_equal(self.lower, self.upper))
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"A Level is read-only: build a new one instead of setting {name!r}.")
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return (Level, (self.A, self.lower, self.upper, self.name))
-
-    def __repr__(self) -> str:
-        kind = "equality" if self.is_equality else "two-sided"
-        return f"Level({self.name!r}, {self.m} x {self.n}, {kind})"
-
-    @classmethod
-    def _view(cls, A: FloatArray, lower: FloatArray, upper: FloatArray, name: str) -> Level:
-        level = object.__new__(cls)
-        for key, value in (("A", A), ("lower", lower), ("upper", upper), ("name", name)):
-            object.__setattr__(level, key, value)
-        return level
 
 
 class _Fields:
@@ -220,9 +140,9 @@ class Problem(_Fields):
         public = self._public
         if public is None:
             matrix, lower, upper, offsets = self.stacked
-            low = _frozen(lower.view())
-            high = low if upper is lower else _frozen(upper.view())
-            public = (_frozen(matrix.view()), low, high, _frozen(offsets.view()))
+            low = frozen(lower.view())
+            high = low if upper is lower else frozen(upper.view())
+            public = (frozen(matrix.view()), low, high, frozen(offsets.view()))
             object.__setattr__(self, "_public", public)
         return public
 
@@ -437,52 +357,3 @@ def _checked_levels(levels: Sequence[Level], hard: Level | None) -> list[Level]:
 
 def _label(level: Level, k: int) -> str:
     return f"Level {k + 1} ({level.name!r})" if level.name else f"Level {k + 1}"
-
-
-def _real_array(value: ArrayLike, what: str, *, copy: bool) -> FloatArray:
-    try:
-        raw = np.asarray(value)
-    except ValueError as error:
-        raise ProblemError(f"{what} is ragged: every row must have the same length ({error}).") from None
-    if raw.dtype.kind not in "fiub":
-        raise ProblemError(f"{what} has dtype {raw.dtype}; it must hold real numbers (float64).")
-    return np.array(raw, dtype=np.float64, copy=copy, order="C")
-
-
-def _bound(value: ArrayLike, m: int, what: str) -> FloatArray:
-    bound = _real_array(value, what, copy=True)
-    if bound.ndim == 0:
-        bound = np.full(m, float(bound))
-    if bound.shape != (m,):
-        raise ProblemError(f"{what} has shape {bound.shape}; A has {m} rows, so it must be ({m},) or one number.")
-    nan = np.flatnonzero(np.isnan(bound))
-    if nan.size:
-        raise ProblemError(f"{what}[{nan[0]}] is nan; every bound must be a number (infinite means none).")
-    return bound
-
-
-def _require_finite(array: FloatArray, what: str) -> None:
-    bad = np.argwhere(~np.isfinite(array))
-    if bad.size:
-        index = ", ".join(str(int(i)) for i in bad[0])
-        raise ProblemError(f"{what}[{index}] is {array[tuple(bad[0])]}; every entry must be finite.")
-
-
-def _check_bounds(lower: FloatArray, upper: FloatArray, label: str) -> None:
-    crossed = np.flatnonzero(lower > upper)
-    if crossed.size:
-        i = int(crossed[0])
-        raise ProblemError(
-            f"{label}: lower[{i}] = {lower[i]:g} > upper[{i}] = {upper[i]:g}; lower must not exceed upper."
-        )
-    for name, bound, empty in (("lower", lower, math.inf), ("upper", upper, -math.inf)):
-        bad = np.flatnonzero(bound == empty)
-        if bad.size:
-            raise ProblemError(
-                f"{label}: {name}[{int(bad[0])}] is {empty}, which no x can meet; give a finite bound or {-empty}."
-            )
-
-
-def _frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
-    array.flags.writeable = False
-    return array
