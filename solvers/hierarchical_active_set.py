@@ -84,9 +84,8 @@ class HierarchicalActiveSet(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         active_set, search = _kernels()
-        n, hard = problem.n, problem.hard
-        h = 0 if hard is None else hard.m
-        key = (h, rows := h + len(problem.stacked[1]), n)
+        n, hard = problem.n, problem._on_top
+        key = (hard, rows := hard + problem._rows, n)
         kept = self._kept.get(key) if self.warm_start else None
         if kept is None:
             x, side = np.zeros(n), np.zeros(rows, np.int64)

@@ -97,7 +97,7 @@ class ClosedForm(Solver):
         return {name: value for name, value in self.__dict__.items() if name not in {"_bound", "_direct"}}
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
-        if problem.hard is not None or not problem.is_equality:
+        if problem._on_top or not problem.is_equality:
             refusal = self._refusal(problem)
             if refusal is not None:
                 return refusal

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, final
+from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +32,10 @@ class _Fields:
         "_address",
         "_block",
         "_levels",
+        "_offsets",
+        "_on_top",
         "_public",
+        "_rows",
         "_with_hard",
         "hard",
         "is_equality",
@@ -51,6 +54,9 @@ class _Fields:
     _address: int
     _block: IntArray
     _levels: tuple[Level, ...] | None
+    _offsets: IntArray
+    _on_top: int  # hard rows
+    _rows: int  # of all levels
     _public: tuple[FloatArray, FloatArray, FloatArray, IntArray] | None
     _with_hard: Stacked | None
 
@@ -197,10 +203,28 @@ class Problem(_Fields):
         Raises `ProblemError` where `from_stacked(check=False)` was given arrays that compiled code cannot read.
         """
         if not self._address:
-            block, address = described(*self.stacked, self.hard)
+            block, address = _described(self)
             object.__setattr__(self, "_block", block)
             object.__setattr__(self, "_address", address)
         return self._address
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            """What `problem_on_top` leaves for later: a solver that takes all rows together asks for none of it."""
+            if name == "hard":
+                matrix, lower, upper, _ = self._with_hard
+                top = slice(self._on_top)
+                made = Level._view(frozen(matrix[top]), frozen(lower[top]), frozen(upper[top]), "limits")
+            elif name == "stacked":
+                matrix, lower, upper, _ = self._with_hard
+                low = lower[self._on_top :]
+                high = low if self.is_equality else upper[self._on_top :]
+                made = matrix[self._on_top :], low, high, self._offsets
+            else:
+                raise AttributeError(f"A Problem has no {name!r}.")
+            object.__setattr__(self, name, made)
+            return made
 
     def _views(self) -> Iterator[Level]:
         for k in range(self.p):
@@ -227,13 +251,45 @@ def _become_problem(
     equality: bool,
 ) -> Problem:
     fields.stacked = stacked
+    fields._offsets = stacked[3]
     fields.names = names
     fields.hard = hard
-    fields.n = stacked[0].shape[1]
+    fields._on_top = 0 if hard is None else len(hard.lower)
+    fields._rows, fields.n = stacked[0].shape
     fields.p = len(stacked[3]) - 1
     fields.is_equality = equality
     fields._address = 0
     fields._levels = fields._public = fields._with_hard = None
+    fields.__class__ = Problem
+    return fields  # type: ignore[return-value]
+
+
+def problem_on_top(
+    matrix: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    starts: IntArray,
+    offsets: IntArray,
+    names: tuple[str, ...],
+    equality: bool,
+) -> Problem:
+    """The problem whose hard rows stand on top of its levels' rows, as in `Problem.with_hard`; nothing is checked or copied.
+
+    Args:
+        matrix, lower, upper, starts: as of `Problem.with_hard`, writable; level 0, the hard rows, is not empty.
+        offsets: of the levels alone. names: of the levels. equality: whether every row of every level is an equality.
+    """
+    fields = _Fields()
+    fields.names = names
+    fields._on_top = on_top = int(starts[1])
+    rows, fields.n = matrix.shape
+    fields._rows = rows - on_top
+    fields.p = len(names)
+    fields.is_equality = equality
+    fields._address = 0
+    fields._levels = fields._public = None
+    fields._offsets = offsets
+    fields._with_hard = Stacked(matrix, lower, upper, starts)
     fields.__class__ = Problem
     return fields  # type: ignore[return-value]
 
@@ -246,23 +302,30 @@ def _direct() -> Any:
     return direct
 
 
-def described(
-    matrix: FloatArray, lower: FloatArray, upper: FloatArray, offsets: IntArray, hard: Level | None
-) -> tuple[IntArray, int]:
-    """The block of `hqp_rp.core.kernels.direct` for these arrays, and its address; both hold as long as block and arrays live.
+def _described(problem: Problem) -> tuple[IntArray, int]:
+    """The block of `hqp_rp.core.kernels.direct` for the problem's arrays, and its address; both hold as long as these live.
 
     Raises `ProblemError` for arrays that compiled code cannot read.
     """
     direct = _direct()
     block = np.empty(direct.SIZE, np.int64)
     try:
-        address: int = direct.describe(matrix, lower, upper, offsets, block)
+        together = problem._with_hard
+        if together is not None and problem._on_top:
+            return block, direct.describe_on_top(*together[:3], problem._offsets, block)
+        address: int = direct.describe(*problem.stacked, block)
+        hard = problem.hard
         if hard is not None:
             direct.describe_hard(hard.A, hard.lower, hard.upper, block)
         return block, address
     except TypeError:
-        pass
-    arrays = [("matrix", matrix), ("lower", lower), ("upper", upper), ("offsets", offsets)]
+        return _described_slowly(block, problem)
+
+
+def _described_slowly(block: IntArray, problem: Problem) -> tuple[IntArray, int]:
+    """The same for read-only arrays; and the error for arrays of another type or layout."""
+    hard = problem.hard
+    arrays = list(zip(("matrix", "lower", "upper", "offsets"), problem.stacked, strict=True))
     if hard is not None:
         arrays += [("hard.A", hard.A), ("hard.lower", hard.lower), ("hard.upper", hard.upper)]
     for name, array in arrays:
@@ -273,9 +336,9 @@ def described(
                 f"{name} is {told}; from_stacked(check=False) takes a C-contiguous {kind} array as it is. Convert "
                 "it with numpy.ascontiguousarray, or leave check=True."
             )
-    places = [array.__array_interface__["data"][0] for _, array in arrays]  # read-only arrays
+    places = [array.__array_interface__["data"][0] for _, array in arrays]
     places += [0] * (7 - len(places))
-    block[:] = *places[:4], *matrix.shape, len(offsets) - 1, *places[4:], 0 if hard is None else hard.m
+    block[:] = *places[:4], problem._rows, problem.n, problem.p, *places[4:], problem._on_top
     return block, int(block.__array_interface__["data"][0])
 
 

@@ -13,6 +13,7 @@ from hqp_rp import ConstantDamping, Level, Problem, ProblemError, get_solver, so
 from hqp_rp.core.kernels import direct, room
 from hqp_rp.core.kernels.cascade import null_space, null_space_room
 from hqp_rp.core.kernels.compile import entry, fixed, kernel
+from hqp_rp.core.problem import problem_on_top
 
 
 def arrays(n: int = 7, rows: tuple[int, ...] = (3, 3), seed: int = 0):
@@ -146,3 +147,46 @@ def test_fixed_kernels_take_no_other_types_and_entries_are_the_kernel() -> None:
     only = fixed(twice, (types.float64[::1],))
     with pytest.raises(TypeError, match="No matching definition"):
         only(np.array([1], dtype=np.int64))
+
+
+def on_top() -> tuple[Problem, Problem]:
+    """A problem whose hard rows stand on top of its levels' rows, and the same stated apart."""
+    A, b, offsets = arrays(7, (3, 3, 7))
+    box = np.full(7, 0.2)
+    rows = np.concatenate((np.eye(7), A))
+    low, high = np.concatenate((-box, b)), np.concatenate((box, b))
+    starts = np.array([0, *(7 + offsets)])
+    together = problem_on_top(rows, low, high, starts, offsets, ("one", "two", "three"), True)
+    return together, unchecked(A, b, offsets, names=("one", "two", "three"), hard=Level(np.eye(7), -box, box, "limits"))
+
+
+def test_rows_that_stand_together_are_described_where_they_lie() -> None:
+    together, _ = on_top()
+    assert together.address == together._block.ctypes.data
+    matrix, lower, upper, _ = together.with_hard
+    places = [array.ctypes.data for array in (matrix, lower, upper)]
+    assert together._block[direct.HARD_MATRIX :].tolist() == [*places, 7]
+    steps = [8 * 7 * 7, 8 * 7, 8 * 7]
+    assert together._block[: direct.OFFSETS].tolist() == [a + step for a, step in zip(places, steps, strict=True)]
+    assert together._block[direct.ROWS : direct.HARD_MATRIX].tolist() == [13, 7, 3]
+
+
+def test_what_stands_together_is_the_same_problem() -> None:
+    together, apart = on_top()
+    found, expected = (get_solver("hierarchical_active_set").solve(problem) for problem in on_top())
+    np.testing.assert_array_equal(found.x, expected.x)
+    np.testing.assert_array_equal(found.active, expected.active)
+    for name in ("matrix", "lower", "upper", "offsets"):
+        np.testing.assert_array_equal(getattr(together, name), getattr(apart, name))
+    assert together.hard is not None and apart.hard is not None
+    for name in ("A", "lower", "upper"):
+        array = getattr(together.hard, name)
+        np.testing.assert_array_equal(array, getattr(apart.hard, name))
+        assert not array.flags.writeable
+    assert together.hard is together.hard
+    assert repr(together) == repr(apart)
+    assert (together.p, together.n, together.names, together.is_equality) == (3, 7, ("one", "two", "three"), True)
+    for ours, theirs in zip(pickle.loads(pickle.dumps(together)).with_hard, apart.with_hard, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    with pytest.raises(AttributeError, match="A Problem has no 'rows'"):
+        together.rows  # type: ignore[attr-defined]  # noqa: B018

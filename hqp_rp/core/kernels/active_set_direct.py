@@ -10,7 +10,7 @@ from numba.core import types
 from hqp_rp.core.kernels.active_set import hierarchical_active_set
 from hqp_rp.core.kernels.compile import Compiled, entry, kernel
 from hqp_rp.core.kernels.direct import equalities_of, hard_rows_of, sizes_of, upper_of
-from hqp_rp.core.kernels.room import STACK_NUMBERS, counts_in, matrix_in, stack_numbers
+from hqp_rp.core.kernels.room import STACK_NUMBERS, counts_in, matrix_at, matrix_in, numbers_at, stack_numbers
 
 
 @kernel
@@ -21,8 +21,10 @@ def active_set_of(problem, z, tol, limit, go_on, x, side):
     upper = upper_of(problem)
     hard, hard_lower, hard_upper = hard_rows_of(problem)
     h = hard.shape[0]
+    above = hard.ctypes.data + 8 * h * n == A.ctypes.data and hard_lower.ctypes.data + 8 * h == lower.ctypes.data
+    apart = h > 0 and not (above and hard_upper.ctypes.data + 8 * h == upper.ctypes.data)
     size = p + 2
-    if h:
+    if apart:
         size += (h + M) * (n + 2)
     room = stack_numbers()
     if size > STACK_NUMBERS:
@@ -31,24 +33,25 @@ def active_set_of(problem, z, tol, limit, go_on, x, side):
     starts[0] = 0
     for k in range(p + 1):
         starts[k + 1] = h + offsets[k]
-    if h:
+    rows = matrix_at(hard.ctypes.data if h else A.ctypes.data, h + M, n)
+    low = numbers_at(hard_lower.ctypes.data if h else lower.ctypes.data, h + M)
+    high = numbers_at(hard_upper.ctypes.data if h else upper.ctypes.data, h + M)
+    if apart:
         end = p + 2 + (h + M) * n
         rows = matrix_in(room, p + 2, h + M, n)
-        bounds = matrix_in(room, end, 2, h + M)
+        low = room[end : end + h + M]
+        high = room[end + h + M : end + 2 * (h + M)]
         for i in range(h):
             for j in range(n):
                 rows[i, j] = hard[i, j]
-            bounds[0, i] = hard_lower[i]
-            bounds[1, i] = hard_upper[i]
+            low[i] = hard_lower[i]
+            high[i] = hard_upper[i]
         for i in range(M):
             for j in range(n):
                 rows[h + i, j] = A[i, j]
-            bounds[0, h + i] = lower[i]
-            bounds[1, h + i] = upper[i]
-        A = rows
-        lower = bounds[0]
-        upper = bounds[1]
-    code, iterations = hierarchical_active_set(A, lower, upper, starts, h, z, tol, limit, go_on, x, side)
+            low[h + i] = lower[i]
+            high[h + i] = upper[i]
+    code, iterations = hierarchical_active_set(rows, low, high, starts, h, z, tol, limit, go_on, x, side)
     return 8 * iterations + code
 
 

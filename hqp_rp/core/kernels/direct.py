@@ -74,6 +74,24 @@ def _describe_hard(matrix, lower, upper, block):
     block[HARD_ROWS] = matrix.shape[0]
 
 
+@lean
+def _describe_on_top(matrix, lower, upper, offsets, block):
+    rows = offsets[offsets.shape[0] - 1]
+    on_top = matrix.shape[0] - rows
+    block[HARD_MATRIX] = matrix.ctypes.data
+    block[HARD_LOWER] = lower.ctypes.data
+    block[HARD_UPPER] = upper.ctypes.data
+    block[HARD_ROWS] = on_top
+    block[MATRIX] = block[HARD_MATRIX] + 8 * matrix.shape[1] * on_top
+    block[LOWER] = block[HARD_LOWER] + 8 * on_top
+    block[UPPER] = block[HARD_UPPER] + 8 * on_top
+    block[OFFSETS] = offsets.ctypes.data
+    block[ROWS] = rows
+    block[UNKNOWNS] = matrix.shape[1]
+    block[LEVELS] = offsets.shape[0] - 1
+    return block.ctypes.data
+
+
 _ROWS, _BOUNDS, _COUNTS = types.float64[:, ::1], types.float64[::1], types.int64[::1]
 _FROZEN_ROWS = types.Array(types.float64, 2, "C", readonly=True)
 _FROZEN_BOUNDS = types.Array(types.float64, 1, "C", readonly=True)
@@ -82,6 +100,9 @@ describe = fixed(_describe, (_ROWS, _BOUNDS, _BOUNDS, _COUNTS, _COUNTS))
 """describe(matrix, lower, upper, offsets, block): fill the block for a problem without hard rows; returns its address.
 
 `TypeError` for arrays of other types or of another layout, or read-only."""
+
+describe_on_top = fixed(_describe_on_top, (_ROWS, _BOUNDS, _BOUNDS, _COUNTS, _COUNTS))
+"""describe_on_top(matrix, lower, upper, offsets, block): the same where hard rows stand above the levels' rows."""
 
 describe_hard = fixed(_describe_hard, (_FROZEN_ROWS, _FROZEN_BOUNDS, _FROZEN_BOUNDS, _COUNTS))
 """describe_hard(matrix, lower, upper, block): add hard rows, which are read-only."""
