@@ -178,7 +178,8 @@ def test_what_stands_together_is_the_same_problem() -> None:
     np.testing.assert_array_equal(found.active, expected.active)
     for name in ("matrix", "lower", "upper", "offsets"):
         np.testing.assert_array_equal(getattr(together, name), getattr(apart, name))
-    assert together.hard is not None and apart.hard is not None
+    assert together.hard is not None
+    assert apart.hard is not None
     for name in ("A", "lower", "upper"):
         array = getattr(together.hard, name)
         np.testing.assert_array_equal(array, getattr(apart.hard, name))
