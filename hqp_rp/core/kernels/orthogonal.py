@@ -24,7 +24,7 @@ from hqp_rp.core.kernels.householder import (
     turn_vector,
 )
 from hqp_rp.core.kernels.room import FEW_NUMBERS, few_numbers
-from hqp_rp.core.kernels.vector import INFINITE_BITS, copy_row, float_of, largest_bits
+from hqp_rp.core.kernels.vector import INFINITE_BITS, copy_scaled_row, float_of, largest_bits
 
 EPS = 2.220446049250313e-16
 
@@ -42,7 +42,7 @@ def load(A, b, offsets, W, rhs, scale):
         scale[k] = s
         for i in range(r0, r1):
             if is_padded(W):
-                copy_row(W, i, A, i, s)
+                copy_scaled_row(W, i, A, i, s)
             else:
                 for j in range(A.shape[1]):
                     W[i, j] = A[i, j] * s

@@ -19,7 +19,7 @@ from hqp_rp.core.kernels.orthogonal import (
     turn_back_reflectors,
 )
 from hqp_rp.core.kernels.room import counts_in, matrix_in
-from hqp_rp.core.kernels.vector import copy_row
+from hqp_rp.core.kernels.vector import copy_scaled_row
 
 UNPROVEN = -1
 NOT_FINITE = 0
@@ -110,7 +110,7 @@ def plain_columns(room, A, b, offsets, z, tol, x):
             continue
         for _ in range(2):
             for i in range(M - r0):
-                copy_row(W, i, W0, r0 + i, 1.0)
+                copy_scaled_row(W, i, W0, r0 + i, 1.0)
                 right[i] = i - m
             for i in range(m):
                 s = rhs[r0 + i]

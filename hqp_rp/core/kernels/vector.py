@@ -297,8 +297,8 @@ def _at(builder: Any, address: Any, start: Any, kind: Any) -> Any:
 
 
 @_emitted
-def copy_row(_: Any, W: Any, i: Any, A: Any, k: Any, factor: Any) -> Any:
-    """copy_row(W, i, A, k, factor): row i of padded W <- factor * row k of A, zeros behind it."""
+def copy_scaled_row(_: Any, W: Any, i: Any, A: Any, k: Any, factor: Any) -> Any:
+    """copy_scaled_row(W, i, A, k, factor): row i of padded W <- factor * row k of A, zeros behind it."""
     signature = types.void(W, types.int64, A, types.int64, types.float64)
 
     def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
