@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,6 +21,8 @@ from hqp_rp.robot.mujoco_frames import MujocoFrames
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
 _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
+_FLOAT64 = np.dtype(np.float64)
+_isfinite, _kinematics = math.isfinite, mujoco.mj_kinematics
 # Where the quaternion of a joint starts within its part of q.
 _QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
@@ -59,6 +62,7 @@ class MujocoRobot(ModelRobot):
             raise RobotError(f"model is a {type(model).__name__}; give a mujoco.MjModel, or use MujocoRobot.from_file.")
         self._model = model
         self._nq, self._nv = int(model.nq), int(model.nv)
+        self._shape = (self._nq,)
         self._name = f"the MuJoCo model {_model_name(model)!r}"
         require_joints(self._nv, self._name)
         self._joint_names = tuple(model.joint(j).name or f"unnamed_joint_{j}" for j in range(model.njnt))
@@ -164,10 +168,19 @@ class MujocoRobot(ModelRobot):
 
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
-        self._q = own = frozen(self._checked(q, "q").copy())
+        if type(q) is np.ndarray and q.dtype is _FLOAT64 and q.shape == self._shape:
+            own = q.copy()
+            values = own.tolist()
+            # A sum is quicker than a mask; where it is not finite, or a quaternion may be zero, every entry is looked at.
+            if not _isfinite(sum(values)) or (self._quaternions and not self._have_directions(values)):
+                self._checked(own, "q")
+        else:
+            own = self._checked(q, "q").copy()
         self._qpos[:] = own
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
+        own.flags.writeable = False
+        self._q = own
+        self._is_complete = False
+        _kinematics(self._model, self._data)
 
     def pose(self, frame: str) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) from frame to world and origin (3,) of `frame` in the world."""
@@ -182,6 +195,7 @@ class MujocoRobot(ModelRobot):
     def jacobian(self, frame: str) -> FloatArray:
         """(6, nv): linear velocity of the frame's origin over angular velocity, both in world axes, per unit v."""
         index = self._frame(frame)
+        self._complete()
         jacobian = np.empty((6, self._nv))
         if index < self._nbody:
             mujoco.mj_jacBody(self._model, self._data, jacobian[:3], jacobian[3:], index)
@@ -195,6 +209,7 @@ class MujocoRobot(ModelRobot):
 
     def center_of_mass(self) -> FloatArray:
         """(3,) centre of mass of the bodies that can move, in the world. Raises `RobotError` where nothing can."""
+        self._complete()
         total = float(self._model.body_subtreemass[0])
         moment = total * self._data.subtree_com[0]
         if self._fixed.size:
@@ -203,6 +218,7 @@ class MujocoRobot(ModelRobot):
 
     def center_of_mass_jacobian(self) -> FloatArray:
         """(3, nv) velocity of that centre of mass in world axes, per unit v."""
+        self._complete()
         jacobian = np.empty((3, self._nv))
         mujoco.mj_jacSubtreeCom(self._model, self._data, jacobian, 0)
         jacobian *= float(self._model.body_subtreemass[0]) / self._require_mass()
@@ -210,6 +226,7 @@ class MujocoRobot(ModelRobot):
 
     def mass_matrix(self) -> FloatArray:
         """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""
+        self._complete()
         mujoco.mj_makeM(self._model, self._data)
         matrix = np.empty((self._nv, self._nv))
         mujoco.mj_fullM(self._model, self._data, matrix)
@@ -217,12 +234,14 @@ class MujocoRobot(ModelRobot):
 
     def gravity(self) -> FloatArray:
         """(nv,) gravity torque g(q) in M(q) a + h(q, v) + g(q) = tau, before any gravity compensation of the model."""
+        self._complete()
         torque = np.empty(self._nv)
         mujoco.mj_rne(self._model, self._data, 0, torque)
         return torque
 
     def bias(self, v: FloatArray) -> FloatArray:
         """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau, for v (nv,): Coriolis, centrifugal and gravity torques."""
+        self._complete()
         torque = np.empty(self._nv)
         self._data.qvel[:] = checked_vector(v, self._nv, "v")
         mujoco.mj_comVel(self._model, self._data)
@@ -263,6 +282,20 @@ class MujocoRobot(ModelRobot):
             if not quaternion.dot(quaternion) > _MIN_SQUARE:
                 raise RobotError(f"{what}[{start}:{start + 4}] is a zero quaternion; it must have a direction.")
         return vector
+
+    def _have_directions(self, q: list[float]) -> bool:
+        """Whether no quaternion in q is zero."""
+        for start in self._quaternions:
+            w, x, y, z = q[start : start + 4]
+            if not w * w + x * x + y * y + z * z > _MIN_SQUARE:
+                return False
+        return True
+
+    def _complete(self) -> None:
+        """What only Jacobians by MuJoCo and dynamics need of the configuration, when first asked for: dof axes and inertias."""
+        if not self._is_complete:
+            mujoco.mj_comPos(self._model, self._data)
+            self._is_complete = True
 
     def _require_mass(self) -> float:
         if self._moving_mass <= 0.0:

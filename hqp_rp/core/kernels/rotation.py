@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from hqp_rp.core.kernels.compile import inlined, kernel
+from hqp_rp.core.kernels.compile import inlined, lean
 
 
-@kernel
+@lean
 def rotation_vector(R, r):
     """r (3,) <- log R, with 0 <= |r| <= pi, through the largest of the four forms of the quaternion (Shepperd 1978)."""
     a, b, c = R[0, 0], R[0, 1], R[0, 2]
@@ -39,7 +39,7 @@ def turned(R, v, out):
         out[i] = R[0, i] * v[0] + R[1, i] * v[1] + R[2, i] * v[2]
 
 
-@kernel
+@lean
 def rotation_error(R_target, R, product, r):
     """r (3,) <- log(R_target R^T); product (3, 3) is room."""
     for i in range(3):
