@@ -47,7 +47,7 @@ def plain_coordinates(robot: Robot) -> IntArray:
 
 
 def _moved_alone(robot: Robot, q: FloatArray) -> IntArray:
-    """(nv,) index into q of the coordinate that alone moves, by s, when velocity i moves by s from q; -1 where there is none."""
+    """(nv,) index into q of the coordinate that alone moves, by s, when velocity i moves by s from q; -1: none does."""
     index = np.full(robot.nv, -1, dtype=np.int64)
     step = 0.1
     for i in range(robot.nv):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -23,8 +22,8 @@ class Plan:
         tasks: the compiled tasks and limits. robot: whose rows.
 
     Attributes:
-        frames: the frames that the tasks use. counts: rows of each task. table: (K, 7), `items` of the kernel; its third column, where the rows of each task begin,
-            is for the caller to fill in.
+        frames: the frames that the tasks use. counts: rows of each task.
+        table: (K, 7), `items` of the kernel; its third column, where the rows of each task begin, is the caller's to fill in.
         numbers: what the tasks state, one after the other. index: for each task, what `Layout.index` says.
         accelerated: the first task that needs the velocity before the step, or None.
     """
@@ -34,9 +33,9 @@ class Plan:
         "_held",
         "_kernel",
         "_needs_python",
+        "_own_q",
         "_packs",
         "_plan",
-        "_own_q",
         "_read_frames",
         "_robot",
         "_room",
@@ -58,7 +57,7 @@ class Plan:
         self._robot, self._tasks = robot, tuple(tasks)
         layouts = [task._layout(robot) for task in tasks]
         names = dict.fromkeys(name for layout in layouts for name in (layout.frame, layout.axes) if name is not None)
-        self.frames = frames = frames_of(robot, tuple(names))
+        self.frames = frames_of(robot, tuple(names))
         number: dict[str | Point | None, int] = {None: -1} | {name: i for i, name in enumerate(names)}
         self.counts = [layout.rows for layout in layouts]
         self._packs: list[tuple[Layout, slice]] = []

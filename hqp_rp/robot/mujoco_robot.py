@@ -92,6 +92,7 @@ class MujocoRobot(ModelRobot):
         neutral = model.qpos0 if neutral is None else neutral
         self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
         self._simulation: mujoco.MjData | None = None
+        self._given: FloatArray | None = None
         self._arm: tuple[DHArm, FloatArray] | None = None
         self.update(self._neutral)
 
@@ -169,18 +170,23 @@ class MujocoRobot(ModelRobot):
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
         if type(q) is np.ndarray and q.dtype is _FLOAT64 and q.shape == self._shape:
-            own = q.copy()
-            values = own.tolist()
+            values = q.tolist()
             # A sum is quicker than a mask; where it is not finite, or a quaternion may be zero, every entry is looked at.
             if not _isfinite(sum(values)) or (self._quaternions and not self._have_directions(values)):
-                self._checked(own, "q")
+                self._checked(q, "q")
         else:
-            own = self._checked(q, "q").copy()
-        self._qpos[:] = own
-        own.flags.writeable = False
-        self._q = own
+            q = self._checked(q, "q")
+        self._qpos[:] = q
+        self._given = None
         self._is_complete = False
         _kinematics(self._model, self._data)
+
+    @property
+    def q(self) -> FloatArray:
+        """(nq,) the configuration of the last `update`, read-only."""
+        if self._given is None:
+            self._given = frozen(self._qpos.copy())
+        return self._given
 
     def pose(self, frame: str) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) from frame to world and origin (3,) of `frame` in the world."""
@@ -270,7 +276,7 @@ class MujocoRobot(ModelRobot):
         return self._arm[0]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q, self._unchanged_arm())
+        return _rebuild, (self._model, self._velocity_limit, self._neutral, self.q, self._unchanged_arm())
 
     def __repr__(self) -> str:
         return f"MujocoRobot({_model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"

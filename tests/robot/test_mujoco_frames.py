@@ -166,7 +166,7 @@ def test_many_are_those_one_by_one_and_put_the_robot_back():
 
 def test_misuse():
     robot = forest()
-    with pytest.raises(RobotError, match="named 'nal'. Did you mean 'nail'"):
+    with pytest.raises(RobotError, match=r"named 'nal'\. Did you mean 'nail'"):
         frames_of(robot, ("nal",))
     massless = MujocoRobot(robot.model)
     massless._moving_mass = 0.0

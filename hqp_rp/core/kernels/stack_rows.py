@@ -7,9 +7,9 @@ it is from step to step is in two arrays: `plan` (int64), which does not change,
     tree begins (0: poses and Jacobians are in `room` already), bodies,
     items (K, 7), index, tree
 
-with items, index and numbers as `task_rows` takes them, and tree as `tree_frames` does. `room` holds numbers, values (q (nq), dt,
-the velocity before the step, differences), rotations (F, 3, 3), origins (F, 3), jacobians (F, 6, n) and what the kernels need for
-themselves.
+with items, index and numbers as `task_rows` takes them, and tree as `tree_frames` does. `room` holds numbers, values (q (nq),
+dt, the velocity before the step, differences), rotations (F, 3, 3), origins (F, 3), jacobians (F, 6, n) and what the kernels
+need for themselves.
 """
 
 from __future__ import annotations
