@@ -19,6 +19,7 @@ from hqp_rp.core.kernels.box_rows import box_limit
 from hqp_rp.core.kernels.compile import kernel, lean
 from hqp_rp.core.kernels.rotation import rotation_error, turned
 from hqp_rp.core.kernels.row_kinds import BOX, FRAME, POSTURE, RELATIVE, TWIST
+from hqp_rp.core.kernels.views import as_matrix, as_vector
 
 
 @lean
@@ -45,7 +46,7 @@ def frame_task(header, index, numbers, rotations, origins, jacobians, plain, mat
     n = matrix.shape[1]
     J = jacobians[f]
     forward = numbers[at + 2 * m : at + 2 * m + 6]
-    target = numbers[at + 2 * m + 6 : at + 2 * m + 15].reshape((3, 3))
+    target = as_matrix(numbers[at + 2 * m + 6 : at + 2 * m + 15], 3, 3)
     place = numbers[at + 2 * m + 15 : at + 2 * m + 18]
     e, feed, world = room[0], room[1], room[2]
     linear, angular = False, False
@@ -119,7 +120,7 @@ def relative_task(header, index, numbers, rotations, origins, jacobians, plain, 
     """
     m, row, at, b, a, start = header[1], header[2], header[3], header[4], header[5], header[6]
     n = matrix.shape[1]
-    target = numbers[at + 2 * m + 6 : at + 2 * m + 15].reshape((3, 3))
+    target = as_matrix(numbers[at + 2 * m + 6 : at + 2 * m + 15], 3, 3)
     R_a, R_b, J_a, J_b = rotations[a], rotations[b], jacobians[a], jacobians[b]
     e, between, local = room[0], room[1], room[2]
     for k in range(3):
@@ -166,7 +167,7 @@ def pointing_task(header, numbers, rotations, jacobians, plain, matrix, rate, ro
     """
     row, at, f = header[2], header[3], header[4]
     R, J = rotations[f], jacobians[f]
-    basis = numbers[at + 7 : at + 16].reshape((3, 3))
+    basis = as_matrix(numbers[at + 7 : at + 16], 3, 3)
     B = product[:3]
     for i in range(3):
         for j in range(3):
@@ -220,9 +221,9 @@ def task_rows(items, index, numbers, rotations, origins, jacobians, values, plai
                 upper[i] = lower[i]
     # Zero times anything finite is zero; times nan or infinity it is nan, which no sum loses.
     total = 0.0
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            total += 0.0 * matrix[i, j]
+    entries = as_vector(matrix)
+    for i in range(len(entries)):
+        total += 0.0 * entries[i]
     sound = True
     for i in range(matrix.shape[0]):
         if one_sided:

@@ -15,32 +15,9 @@ the memory alive.
 
 from __future__ import annotations
 
-import ctypes
-from typing import Any, cast
-
-import numba
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
-
-from hqp_rp.core.kernels.compile import Compiled, lean
+from hqp_rp.core.kernels.compile import lean
 from hqp_rp.core.kernels.row_kinds import BODY_ROW, DOF_ROW, FRAME_ROW, TREE_HEADER
-
-
-def _real_at(typing_context: Any, address: Any) -> Any:
-    """The float64 at an address."""
-
-    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.load(builder.inttoptr(arguments[0], ir.DoubleType().as_pointer()), align=8)
-
-    return types.float64(types.int64), emit
-
-
-def _real_at_in_python(address: int) -> float:
-    return ctypes.c_double.from_address(address).value
-
-
-real_at = cast(Compiled, _real_at_in_python if numba.config.DISABLE_JIT else intrinsic(_real_at))
+from hqp_rp.core.kernels.views import real_at
 
 
 @lean
