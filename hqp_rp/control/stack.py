@@ -302,5 +302,5 @@ def _checked_velocity(v: ArrayLike, robot: Robot) -> FloatArray:
 
 
 def _frozen(array: FloatArray) -> FloatArray:
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
