@@ -25,24 +25,22 @@ class Plan:
         frames: the frames that the tasks use. counts: rows of each task.
         table: (K, 7), `items` of the kernel; its third column, where the rows of each task begin, is the caller's to fill in.
         numbers: what the tasks state, one after the other. index: for each task, what `Layout.index` says.
-        accelerated: the first task that needs the velocity before the step, or None.
     """
 
     __slots__ = (
+        "_accelerated",
+        "_asks",
         "_differences",
-        "_held",
         "_kernel",
-        "_needs_python",
         "_own_q",
+        "_packed",
         "_packs",
         "_plan",
         "_read_frames",
         "_robot",
         "_room",
-        "_tasks",
         "_v",
         "_values",
-        "accelerated",
         "counts",
         "frames",
         "index",
@@ -54,15 +52,18 @@ class Plan:
         from hqp_rp.core.kernels.stack_rows import stack_rows_entry
 
         self._kernel = stack_rows_entry()
-        self._robot, self._tasks = robot, tuple(tasks)
+        self._robot = robot
         layouts = [task._layout(robot) for task in tasks]
         names = dict.fromkeys(name for layout in layouts for name in (layout.frame, layout.axes) if name is not None)
         self.frames = frames_of(robot, tuple(names))
         number: dict[str | Point | None, int] = {None: -1} | {name: i for i, name in enumerate(names)}
         self.counts = [layout.rows for layout in layouts]
         self._packs: list[tuple[Layout, slice]] = []
-        self._held = [_UNPACKED] * len(tasks)
-        self.accelerated = next((task for task, layout in zip(tasks, layouts, strict=True) if layout.accelerated), None)
+        self._packed = [(task, _UNPACKED) for task in tasks]
+        # The first that needs the velocity before the step.
+        self._accelerated = next(
+            (task for task, layout in zip(tasks, layouts, strict=True) if layout.accelerated), None
+        )
         self._differences: list[tuple[CompiledRows, slice]] = []
         nq = robot.nq if {POSTURE, BOX} & {layout.kind for layout in layouts} else 0
         values = nq + 1 + robot.nv  # q, dt, the velocity before the step; then differences
@@ -107,7 +108,8 @@ class Plan:
         self._own_q = self._values[:nq] if nq and kept_q is None else None
         self._v = self._values[nq + 1 : nq + 1 + n]
         self._read_frames = frames.read if F and not compiled else None
-        self._needs_python = self._read_frames is not None or self._own_q is not None or bool(self._differences)
+        asks = (self._read_frames, self._own_q, self._accelerated)
+        self._asks = bool(self._differences) or any(one is not None for one in asks)
 
     def fill(
         self,
@@ -124,16 +126,12 @@ class Plan:
             matrix: (M, nv). lower, upper: (M,); upper empty where every row is an equality. C-contiguous float64.
             dt, v, plain: as of `Assembly.rows`.
         """
-        held = self._held
-        for i, task in enumerate(self._tasks):
-            if task._packed is not held[i]:
-                self._pack(i, task)
-        if self._needs_python:
-            self._ask()
-        if self.accelerated is not None:
-            if v is None:
-                self.accelerated._require_velocity()
-            self._v[:] = v
+        for task, packed in self._packed:
+            if task._packed is not packed:
+                self.pack()
+                break
+        if self._asks:
+            self._ask(v)
         sound: bool = self._kernel(self._plan, self._room, 0.0 if dt is None else dt, plain, matrix, lower, upper)
         return sound
 
@@ -143,18 +141,20 @@ class Plan:
         return not self._differences
 
     def pack(self) -> None:
-        """Bring `numbers` up to date."""
-        for i, task in enumerate(self._tasks):
-            self._pack(i, task)
+        """Bring `numbers` up to date: the plan is new, or a setter was called."""
+        for i, ((task, packed), (layout, span)) in enumerate(zip(self._packed, self._packs, strict=True)):
+            if task._packed is not packed:
+                current = task._current(self._robot, layout)
+                self.numbers[span] = current
+                self._packed[i] = task, current
 
-    def _pack(self, i: int, task: CompiledRows) -> None:
-        """Put a task's numbers in their place: it is new here, or one of its setters was called."""
-        layout, span = self._packs[i]
-        self.numbers[span] = self._held[i] = task._current(self._robot, layout)
-
-    def _ask(self) -> None:
-        """What only the robot knows: poses and Jacobians, coordinates, differences between configurations."""
+    def _ask(self, v: FloatArray | None) -> None:
+        """The velocity before the step, and what only the robot knows: poses and Jacobians, coordinates, differences."""
         robot = self._robot
+        if self._accelerated is not None:
+            if v is None:
+                self._accelerated._require_velocity()
+            self._v[:] = v
         if self._read_frames is not None:
             self._read_frames()
         if self._own_q is not None:

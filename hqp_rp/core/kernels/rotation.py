@@ -26,7 +26,7 @@ def rotation_vector(R, r):
         w, x, y, z = d - b, c + g, f + h, 1.0 - a - e + i
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
-    sine = math.hypot(math.hypot(x, y), z)
+    sine = math.sqrt(x * x + y * y + z * z)  # squares that underflow are below what the test of `factor` looks at
     # atan2(s, w) / s tends to 1 / w: below 1e-9 the next term of the series, (s / w)^2 / 3, is lost in rounding.
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-9 * w else 2.0 / w
     r[0], r[1], r[2] = factor * x, factor * y, factor * z

@@ -16,13 +16,13 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.box_rows import box_limit
-from hqp_rp.core.kernels.compile import kernel, lean
+from hqp_rp.core.kernels.compile import inlined, kernel, lean
 from hqp_rp.core.kernels.rotation import rotation_error, turned
 from hqp_rp.core.kernels.row_kinds import BOX, FRAME, POSTURE, RELATIVE, TWIST
 from hqp_rp.core.kernels.views import as_matrix, as_vector
 
 
-@lean
+@inlined
 def frame_row(J, rotations, axes, axis, w, row):
     """row (n,) <- w times row `axis` of J (6, n), in the world's axes or, for axes >= 0, in those of that frame."""
     if axes < 0:
