@@ -9,16 +9,15 @@ from __future__ import annotations
 import ctypes
 from typing import Any, cast
 
-import numba
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba.core import config, types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from hqp_rp.core.kernels.compile import Compiled
 
-WITHOUT_COMPILER = bool(cast(Any, numba.config).DISABLE_JIT)
+WITHOUT_COMPILER = bool(cast(Any, config).DISABLE_JIT)
 """Kernels run as plain Python, which has no intrinsics."""
 
 
@@ -68,7 +67,7 @@ def _as_vector(typing_context: Any, matrix: Any) -> Any:
 
 
 def _real_at_in_python(address: int) -> float:
-    return ctypes.c_double.from_address(address).value
+    return ctypes.c_double.from_address(int(address)).value
 
 
 def _reshaped(vector: Any, *shape: int) -> Any:
