@@ -154,10 +154,10 @@ class Plan:
         if self._accelerated is not None:
             if v is None:
                 self._accelerated._require_velocity()
-            self._v[:] = v
+            self._v[...] = v
         if self._read_frames is not None:
             self._read_frames()
         if self._own_q is not None:
-            self._own_q[:] = robot.q
+            self._own_q[...] = robot.q
         for task, span in self._differences:
             self._values[span] = -robot.difference(robot.q, task.target)  # type: ignore[attr-defined]

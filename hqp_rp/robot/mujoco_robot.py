@@ -176,7 +176,7 @@ class MujocoRobot(ModelRobot):
                 self._checked(q, "q")
         else:
             q = self._checked(q, "q")
-        self._qpos[:] = q
+        self._qpos[...] = q  # quicker than [:]
         self._given = None
         self._is_complete = False
         _kinematics(self._model, self._data)
