@@ -18,13 +18,12 @@ from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, u
 from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_arm import arm_spec
 from hqp_rp.robot.mujoco_frames import MujocoFrames
+from hqp_rp.robot.mujoco_model import geometry, model_name, position_limits, quaternions
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
 _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
 _FLOAT64 = np.dtype(np.float64)
 _isfinite, _kinematics = math.isfinite, mujoco.mj_kinematics
-# Where the quaternion of a joint starts within its part of q.
-_QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
 class MujocoRobot(ModelRobot):
@@ -63,18 +62,14 @@ class MujocoRobot(ModelRobot):
         self._model = model
         self._nq, self._nv = int(model.nq), int(model.nv)
         self._shape = (self._nq,)
-        self._name = f"the MuJoCo model {_model_name(model)!r}"
+        self._name = f"the MuJoCo model {model_name(model)!r}"
         require_joints(self._nv, self._name)
         self._joint_names = tuple(model.joint(j).name or f"unnamed_joint_{j}" for j in range(model.njnt))
         widths = tuple(np.diff([*model.jnt_dofadr, model.nv]).tolist())
         limit = np.inf if velocity_limit is None else velocity_limit
         self._velocity_limit = checked_limit(limit, self._joint_names, widths)
-        self._lower, self._upper = _position_limits(model)
-        self._quaternions = tuple(
-            int(model.jnt_qposadr[j]) + _QUATERNION[int(model.jnt_type[j])]
-            for j in range(model.njnt)
-            if int(model.jnt_type[j]) in _QUATERNION
-        )
+        self._lower, self._upper = position_limits(model)
+        self._quaternions = quaternions(model)
         # Sites are numbered after the bodies: one integer says which frame it is.
         self._nbody = int(model.nbody)
         bodies = [("body", model.body(i).name, i) for i in range(model.nbody)]
@@ -101,7 +96,7 @@ class MujocoRobot(ModelRobot):
         """The robot of `arm_spec(arm, ...)`: see there for what the model is. Errors as `arm_spec`."""
         model = arm_spec(arm, timestep=timestep, gravity_compensation=gravity_compensation).compile()
         robot = cls(model, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
-        robot._arm = arm, _geometry(model)
+        robot._arm = arm, geometry(model)
         return robot
 
     @classmethod
@@ -271,7 +266,7 @@ class MujocoRobot(ModelRobot):
 
     def _unchanged_arm(self) -> DHArm | None:
         """The arm that the robot was made from, while its model still has that arm's geometry; None otherwise."""
-        if self._arm is None or not np.array_equal(_geometry(self._model), self._arm[1]):
+        if self._arm is None or not np.array_equal(geometry(self._model), self._arm[1]):
             return None
         return self._arm[0]
 
@@ -279,7 +274,7 @@ class MujocoRobot(ModelRobot):
         return _rebuild, (self._model, self._velocity_limit, self._neutral, self.q, self._unchanged_arm())
 
     def __repr__(self) -> str:
-        return f"MujocoRobot({_model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
+        return f"MujocoRobot({model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
 
     def _checked(self, q: ArrayLike, what: str) -> FloatArray:
         vector = checked_vector(q, self._nq, what)
@@ -313,25 +308,6 @@ def _rebuild(
     model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray, arm: DHArm | None
 ) -> MujocoRobot:
     robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral)
-    robot._arm = None if arm is None else (arm, _geometry(model))
+    robot._arm = None if arm is None else (arm, geometry(model))
     robot.update(q)
     return robot
-
-
-def _geometry(model: mujoco.MjModel) -> FloatArray:
-    """Every number of the model that poses and Jacobians depend on."""
-    parts = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat", "qpos0")
-    return np.concatenate([getattr(model, part).ravel() for part in parts])
-
-
-def _model_name(model: mujoco.MjModel) -> str:
-    return bytes(model.names).split(b"\0", 1)[0].decode()
-
-
-def _position_limits(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
-    lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
-    scalar = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    for j in range(model.njnt):
-        if model.jnt_limited[j] and int(model.jnt_type[j]) in scalar:
-            lower[model.jnt_dofadr[j]], upper[model.jnt_dofadr[j]] = model.jnt_range[j]
-    return frozen(lower), frozen(upper)
