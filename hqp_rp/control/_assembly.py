@@ -14,12 +14,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hqp_rp.control._checks import real_array
-from hqp_rp.control._compiled import CompiledRows, Layout
+from hqp_rp.control._compiled import CompiledRows
+from hqp_rp.control._plan import Plan
 from hqp_rp.core.errors import ProblemError, SettingError
-from hqp_rp.core.kernels.row_kinds import BOX, HEADER, POSTURE
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.threads import in_shares
-from hqp_rp.robot.frames import Point, frames_of
 from hqp_rp.robot.robot import Robot
 
 TASK, LIMIT, MINK_TASK = 0, 1, 2
@@ -27,6 +26,7 @@ TASK, LIMIT, MINK_TASK = 0, 1, 2
 Rows: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 Where: TypeAlias = Callable[[Any], str]
 
+_empty = np.empty
 _NONE = np.empty(0)
 _WORTH_A_THREAD = 500  # configurations that take longer than a thread to start
 
@@ -45,100 +45,37 @@ class Assembly:
     """
 
     __slots__ = (
-        "_accelerated",
-        "_differences",
-        "_frames",
-        "_held",
-        "_index",
         "_items",
-        "_kernel",
         "_n",
-        "_numbers",
         "_others",
         "_own",
-        "_packs",
+        "_plan",
         "_rows_of",
-        "_table",
-        "_tasks",
-        "_timed",
+        "_shape",
         "_total",
         "_two_sided",
-        "_values",
         "_where",
         "counts",
         "robot",
     )
 
     def __init__(self, items: Sequence[tuple[int, Any]], robot: Robot, two_sided: bool, where: Where) -> None:
-        from hqp_rp.core.kernels.task_rows import task_rows
-
-        self._kernel = task_rows
         self.robot, self._n = robot, robot.nv
         self._items, self._two_sided, self._where = tuple(items), two_sided, where
         tasks = [(k, task) for k, (_, item) in enumerate(items) if (task := _compiled(item)) is not None]
         self._own = [k for k, _ in tasks]
         self._others = [(k, kind, item) for k, (kind, item) in enumerate(items) if k not in self._own]
-        self._lay_out([task for _, task in tasks])
-
-    def _lay_out(self, tasks: list[CompiledRows]) -> None:
-        """Describe the compiled tasks as `hqp_rp.core.kernels.task_rows` wants it."""
-        robot = self.robot
-        layouts = [task._layout(robot) for task in tasks]
-        names = dict.fromkeys(name for layout in layouts for name in (layout.frame, layout.axes) if name is not None)
-        self._frames = frames_of(robot, tuple(names))
-        number: dict[str | Point | None, int] = {None: -1} | {name: i for i, name in enumerate(names)}
-        self._tasks = tuple(tasks)
-        self._table = np.zeros((len(tasks), HEADER), dtype=np.int64)
-        self._packs: list[tuple[Layout, slice]] = []
-        self._held: list[FloatArray | None] = [None] * len(tasks)
-        # Coordinates, where they are needed; for limits dt and the velocity before; then, for targets that only the robot can
-        # subtract, minus the differences.
-        self._differences: list[tuple[CompiledRows, slice]] = []
-        kinds = {layout.kind for layout in layouts}
-        values = robot.nq if {POSTURE, BOX} & kinds else 0
-        self._timed = BOX in kinds
-        time = values
-        if self._timed:
-            values += 1 + robot.nv
-        self._accelerated = next(
-            (task for task, layout in zip(tasks, layouts, strict=True) if layout.accelerated), None
-        )
-        index: list[int] = []
-        end = 0
-        for row, task, layout in zip(self._table, tasks, layouts, strict=True):
-            size = len(task._current(robot, layout))
-            row[:] = (
-                layout.kind,
-                layout.rows,
-                0,
-                end,
-                number[layout.frame],
-                number[layout.axes],
-                len(index),
-            )
-            self._packs.append((layout, slice(end, end + size)))
-            end += size
-            index += layout.index
-            if layout.difference:
-                self._differences.append((task, slice(values, values + robot.nv)))
-                index += [values + i for i in layout.index]
-                values += robot.nv
-            elif layout.kind == POSTURE:
-                index += layout.index
-            elif layout.kind == BOX:
-                index.append(time)
-        self._numbers, self._values = np.zeros(end), np.zeros(values)
-        self._index = np.array(index, dtype=np.int64)
+        self._plan = Plan([task for _, task in tasks], robot)
         counts = [0] * len(self._items)
-        for k, layout in zip(self._own, layouts, strict=True):
-            counts[k] = layout.rows
+        for k, rows in zip(self._own, self._plan.counts, strict=True):
+            counts[k] = rows
         self._place(counts)
 
     def _place(self, counts: list[int]) -> None:
         """Give every item its rows."""
         ends = np.cumsum([0, *counts])
-        self._table[:, 2] = ends[self._own]
-        self.counts, self._total = counts, int(ends[-1])
+        self._plan.table[:, 2] = ends[self._own]
+        self.counts, self._shape, self._total = counts, (int(ends[-1]), self._n), int(ends[-1])
         self._rows_of = [slice(a, b) for a, b in itertools.pairwise(ends.tolist())]
 
     def rows(self, dt: float | None = None, v: FloatArray | None = None, *, plain: bool = False) -> Rows:
@@ -151,40 +88,17 @@ class Assembly:
 
         Raises `ProblemError` for rows that do not fit the robot, are not finite or have crossed bounds.
         """
-        if v is None and self._accelerated is not None:
-            self._accelerated._require_velocity()
         others = self._given(dt, v) if self._others else None
         # Fresh at each step: a problem that someone keeps must not change when the next one is built.
-        matrix, lower = np.empty((self._total, self._n)), np.empty(self._total)
-        upper = np.empty(self._total) if self._two_sided else _NONE
+        matrix, lower = _empty(self._shape), _empty(self._total)
+        upper = _empty(self._total) if self._two_sided else _NONE
         if others is not None:
             for k, A, low, high in others:
                 rows = self._rows_of[k]
                 matrix[rows], lower[rows] = A, low
                 if self._two_sided:
                     upper[rows] = high
-        held = self._held
-        for i, task in enumerate(self._tasks):
-            if task._packed is not held[i] or held[i] is None:
-                self._pack(i, task)
-        frames = self._frames
-        if frames.names:
-            frames.read()
-        if self._values.size:
-            self._read_values(dt, v)
-        sound = self._kernel(
-            self._table,
-            self._index,
-            self._numbers,
-            frames.rotations,
-            frames.origins,
-            frames.jacobians,
-            self._values,
-            plain,
-            matrix,
-            lower,
-            upper,
-        )
+        sound = self._plan.fill(matrix, lower, upper, dt, v, plain)
         if not self._two_sided:
             upper = lower
         if not sound:
@@ -194,17 +108,17 @@ class Assembly:
     @property
     def is_compiled(self) -> bool:
         """Whether `many` serves: every row is a compiled task's, and no coordinate needs the robot to subtract it."""
-        return not (self._others or self._differences or self._two_sided)
+        return self._plan.is_compiled and not (self._others or self._two_sided)
 
     def many(self, q: FloatArray, threads: int | None) -> tuple[FloatArray, FloatArray]:
         """Matrices (N, M, nv) and bounds (N, M) of equalities at q (N, nq), in one compiled call; errors as `rows`."""
         from hqp_rp.core.kernels.task_rows import many_task_rows
 
-        for i, task in enumerate(self._tasks):
-            self._pack(i, task)
-        rotations, origins, jacobians = self._frames.many(q, threads)
+        plan = self._plan
+        plan.pack()
+        rotations, origins, jacobians = plan.frames.many(q, threads)
         matrices, lowers = np.empty((len(q), self._total, self._n)), np.empty((len(q), self._total))
-        fixed = (self._table, self._index, self._numbers)
+        fixed = (plan.table, plan.index, plan.numbers)
 
         def work(span: slice) -> None:
             moving = (rotations[span], origins[span], jacobians[span], q[span], matrices[span], lowers[span])
@@ -214,21 +128,6 @@ class Assembly:
 
         in_shares(work, len(q), threads, least=_WORTH_A_THREAD)
         return matrices, lowers
-
-    def _pack(self, i: int, task: CompiledRows) -> None:
-        """Put a task's numbers in their place: it is new here, or one of its setters was called."""
-        layout, span = self._packs[i]
-        self._numbers[span] = self._held[i] = task._current(self.robot, layout)
-
-    def _read_values(self, dt: float | None, v: FloatArray | None) -> None:
-        values, q = self._values, self.robot.q
-        nq = len(q)
-        values[:nq] = q
-        if self._timed:
-            values[nq] = dt
-            values[nq + 1 : nq + 1 + self._n] = 0.0 if v is None else v
-        for task, span in self._differences:
-            self._values[span] = -self.robot.difference(q, task.target)  # type: ignore[attr-defined]
 
     def _given(self, dt: float | None, v: FloatArray | None) -> list[tuple[int, Any, Any, Any]]:
         """(number, matrix, lower, upper) of every item that is not compiled; where a count changed, rows are dealt anew."""

@@ -21,7 +21,8 @@ class Layout:
 
     Attributes:
         kind: one of `hqp_rp.core.kernels.row_kinds`. rows: m.
-        index: for each row an axis (0 ... 5), a velocity index, or, of a box, a place in q (-1: none).
+        index: for each row an axis (0 ... 5), a velocity index, or, of a box, a place in q (-1: none); of a posture then for
+            each row a place in q, unless `difference`.
         frame: the frame that moves. axes: the frame whose axes are meant, None for the world.
         difference: whether only the robot can subtract q from the task's `target`.
         accelerated: whether the velocity before the step is needed.

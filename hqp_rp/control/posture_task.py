@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import joint_indices, real_array
 from hqp_rp.control._compiled import Layout
+from hqp_rp.control._coordinates import plain_coordinates
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.kernels.row_kinds import POSTURE
@@ -37,7 +38,7 @@ class PostureTask(FeedbackTask):
         RobotError: when it meets a robot without such a joint, or with another size of q.
     """
 
-    __slots__ = ("_bound", "_feedforward", "_indices", "_joints", "_target")
+    __slots__ = ("_bound", "_coordinates", "_feedforward", "_indices", "_joints", "_target")
 
     def __init__(
         self,
@@ -51,6 +52,7 @@ class PostureTask(FeedbackTask):
     ) -> None:
         self._bound: Robot | None = None
         self._indices: IntArray = np.empty(0, dtype=np.int64)
+        self._coordinates: IntArray = self._indices
         if joints is not None and (isinstance(joints, str) or not len(joints)):
             raise SettingError(f"joints is {joints!r}; give a sequence of joint names or velocity indices, or None.")
         self._joints = None if joints is None else tuple(joints)
@@ -109,7 +111,10 @@ class PostureTask(FeedbackTask):
 
     def _layout(self, robot: Robot) -> Layout:
         self._bind(robot)
-        return Layout(POSTURE, len(self._indices), self._indices.tolist(), difference=robot.nq != robot.nv)
+        velocities, coordinates = self._indices.tolist(), self._coordinates.tolist()
+        if coordinates:
+            return Layout(POSTURE, len(velocities), velocities + coordinates)
+        return Layout(POSTURE, len(velocities), velocities, difference=True)
 
     def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
         if robot is not self._bound:
@@ -118,8 +123,8 @@ class PostureTask(FeedbackTask):
         numbers = self._pack(layout, 2 * m)
         if self._feedforward is not None:
             numbers[2 * m : 3 * m] = self._feedforward
-        if not layout.difference:  # all joints are hinges and slides, and the difference is the plain one
-            numbers[3 * m :] = self._target[self._indices]
+        if not layout.difference:
+            numbers[3 * m :] = self._target[self._coordinates]
         return numbers
 
     def _bind(self, robot: Robot) -> None:
@@ -135,5 +140,8 @@ class PostureTask(FeedbackTask):
         for what, value in (("gain", self._gain), ("weight", self._weight), ("feedforward", self._feedforward)):
             if isinstance(value, np.ndarray) and len(value) != rows:
                 raise RobotError(f"{owner}: {what} has shape {value.shape}; on this robot the task has {rows} rows.")
+        coordinates = plain_coordinates(robot)[indices]
+        # Empty where a chosen velocity belongs to a ball or free joint, whose difference only the robot knows.
+        self._coordinates = coordinates if (coordinates >= 0).all() else coordinates[:0]
         self._bound, self._rows, self._indices = robot, rows, indices
         self._packed = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -14,7 +15,7 @@ from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
+from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem, Stacked
 from hqp_rp.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 Item: TypeAlias = Any
 """A `Task`, a `Limit`, or a task or limit of mink."""
 
+_from_stacked = Problem.from_stacked
+_INFINITE = math.inf
 _MEANT = "a Task, a Limit, or a task or limit of mink"
 
 
@@ -49,6 +52,7 @@ class Stack:
     """
 
     __slots__ = (
+        "_assembly",
         "_configurations",
         "_counts",
         "_ends",
@@ -56,10 +60,10 @@ class Stack:
         "_items",
         "_levels",
         "_limits",
-        "_met",
         "_names",
         "_needs_dt",
         "_offsets",
+        "_on_top",
         "_two_sided",
     )
 
@@ -84,9 +88,11 @@ class Stack:
         self._names = _level_names(names, adapted)
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
-        self._met: tuple[Assembly | None, Assembly | None] = (None, None)
+        self._assembly: Assembly | None = None
+        # Of the levels, and of the levels below the hard rows; how many of these there are.
         self._counts: list[int] = []
-        self._offsets: IntArray = np.zeros(1, dtype=np.int64)
+        self._offsets = (np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
+        self._on_top = 0
 
     @property
     def levels(self) -> tuple[tuple[Item, ...], ...]:
@@ -118,25 +124,35 @@ class Stack:
             RobotError: a frame or joint that the robot does not have.
             ProblemError: rows that do not fit together or are not finite; it names the level and the item.
         """
-        assembly, hard_assembly = self._assemblies(robot)
-        if dt is not None:
+        assembly = self._assembly
+        if assembly is None or assembly.robot is not robot:
+            assembly = self._meet(robot)
+        if dt is None:
+            if self._needs_dt:
+                raise SettingError(
+                    "this stack holds limits or mink tasks, which need the time step: problem(robot, dt)."
+                )
+        elif type(dt) is not float or not 0.0 < dt < _INFINITE:
             dt = positive_number(dt, "dt")
-        elif self._needs_dt:
-            raise SettingError("this stack holds limits or mink tasks, which need the time step: problem(robot, dt).")
         if v is not None:
             v = _checked_velocity(v, robot)
         if self._configurations is not None:
             self._configurations.expire()
 
         matrix, lower, upper = assembly.rows(dt, v)
-        offsets = self._offsets_of(assembly)
-        hard = None
-        if hard_assembly is not None:
-            rows = hard_assembly.rows(dt, v)
-            for array in rows:
-                array.setflags(write=False)
-            hard = Level._view(*rows, "limits")
-        return Problem.from_stacked(matrix, lower, upper, offsets, names=self._names, hard=hard, check=False)
+        if assembly.counts is not self._counts:
+            self._count(assembly)
+        offsets, below = self._offsets
+        if not self._hard:
+            return _from_stacked(matrix, lower, upper, offsets, names=self._names, check=False)
+        top = self._on_top
+        hard = Level._view(_frozen(matrix[:top]), _frozen(lower[:top]), _frozen(upper[:top]), "limits")
+        low = lower[top:]
+        high = upper[top:] if self._two_sided else low
+        problem = _from_stacked(matrix[top:], low, high, offsets, names=self._names, hard=hard, check=False)
+        # What solvers with hard rows would put together again.
+        object.__setattr__(problem, "_with_hard", Stacked(matrix, lower, upper, below))
+        return problem
 
     def batch(
         self,
@@ -165,11 +181,13 @@ class Stack:
             RobotError: q of another shape or not finite; otherwise as `problem`.
             ProblemError: an item whose number of rows differs between the configurations; otherwise as `problem`.
         """
-        assembly, hard = self._assemblies(robot)
-        if hard is not None:
+        if self._hard:
             raise SettingError(
                 f"{self!r} has hard limits, which a batch cannot hold; list them as a level, or call problem() for each q."
             )
+        assembly = self._assembly
+        if assembly is None or assembly.robot is not robot:
+            assembly = self._meet(robot)
         configurations = np.array(q, dtype=np.float64)
         if configurations.ndim != 2 or configurations.shape[1] != robot.nq or not len(configurations):
             raise RobotError(f"q has shape {configurations.shape}; it must be (N, {robot.nq}) with N at least 1.")
@@ -178,7 +196,8 @@ class Stack:
                 i, j = np.argwhere(~np.isfinite(configurations))[0]
                 raise RobotError(f"q[{i}, {j}] is {configurations[i, j]}; every entry must be finite.")
             A, lower = assembly.many(configurations, threads)
-            return A, lower, None, self._offsets_of(assembly)
+            self._count(assembly)
+            return A, lower, None, self._offsets[0]
         before = robot.q
         try:
             problems = []
@@ -199,20 +218,15 @@ class Stack:
         )
         return A, lower, None if all(problem.is_equality for problem in problems) else upper, offsets
 
-    def _assemblies(self, robot: Robot) -> tuple[Assembly, Assembly | None]:
-        assembly, hard = self._met
-        if assembly is None or assembly.robot is not robot:
-            assembly, hard = self._met = self._meet(robot)
-        return assembly, hard
+    def _count(self, assembly: Assembly) -> None:
+        """Find where levels begin and end, from the rows of each item: hard ones first."""
+        ends = np.cumsum([0, *assembly.counts])
+        below = ends[[0, len(self._hard), *(len(self._hard) + end for end in self._ends)]]
+        self._on_top = int(below[1])
+        self._offsets = (below[1:] - below[1], below)
+        self._counts = assembly.counts
 
-    def _offsets_of(self, assembly: Assembly) -> IntArray:
-        if assembly.counts is not self._counts:
-            ends = np.cumsum([0, *assembly.counts])
-            self._offsets = np.array([0, *ends[self._ends]], dtype=np.int64)
-            self._counts = assembly.counts
-        return self._offsets
-
-    def _meet(self, robot: Robot) -> tuple[Assembly, Assembly | None]:
+    def _meet(self, robot: Robot) -> Assembly:
         """What makes the rows on this robot, once it is seen to have what the items name."""
         if not isinstance(robot, Robot):
             raise RobotError(
@@ -221,8 +235,9 @@ class Stack:
             )
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
-        hard = Assembly(self._hard, robot, True, self._where) if self._hard else None
-        return Assembly(self._items, robot, self._two_sided, self._where), hard
+        two_sided = self._two_sided or bool(self._hard)
+        self._assembly = Assembly((*self._hard, *self._items), robot, two_sided, self._where)
+        return self._assembly
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0
@@ -284,3 +299,8 @@ def _checked_velocity(v: ArrayLike, robot: Robot) -> FloatArray:
     if velocity.shape != (robot.nv,) or not np.isfinite(velocity).all():
         raise SettingError(f"v is {velocity.tolist()}; it must be {robot.nv} finite numbers in rad/s or m/s.")
     return velocity
+
+
+def _frozen(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.robot import Robot
 
 _FLOAT64 = np.dtype(np.float64)
@@ -74,7 +74,14 @@ class Frames:
         names: (F,) as given. rotations: (F, 3, 3) to the world. origins: (F, 3) m.
         jacobians: (F, 6, nv), linear over angular velocity, both in world axes, as `Robot.jacobian`; of the centre of
             mass the angular half is 0.
+        tree: what `hqp_rp.core.kernels.tree` needs to do the work of `read` in compiled code; None where only Python can.
+        bodies: rows of the room that it needs.
+        q: (nq,) the array in which the robot's library keeps the configuration, or None.
     """
+
+    tree: IntArray | None = None
+    bodies: int = 0
+    q: FloatArray | None = None
 
     def __init__(self, robot: Robot, names: tuple[str | Point, ...]) -> None:
         self._robot, self.names = robot, names
@@ -98,6 +105,12 @@ class Frames:
                     f"Jacobian {jacobian.shape}; they must be (3, 3), (3,) and {self.jacobians[f].shape}."
                 )
             self.rotations[f], self.origins[f], self.jacobians[f] = rotation, origin, jacobian
+
+    def move_to(self, rotations: FloatArray, origins: FloatArray, jacobians: FloatArray) -> None:
+        """Keep poses and Jacobians in these arrays from now on; shapes as of the attributes."""
+        for out, own in ((rotations, self.rotations), (origins, self.origins), (jacobians, self.jacobians)):
+            out[:] = own
+        self.rotations, self.origins, self.jacobians = rotations, origins, jacobians
 
     def many(self, q: FloatArray, threads: int | None = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The same at q (N, nq): rotations (N, F, 3, 3), origins (N, F, 3) and jacobians (N, F, 6, nv).

@@ -1,52 +1,50 @@
-"""Poses and Jacobians of some frames of a MuJoCo state, read without a copy in between."""
+"""Poses and Jacobians of some frames of a MuJoCo state, read in compiled code out of MuJoCo's own memory."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.kernels.row_kinds import BODY_ROW, DOF_ROW, FRAME_ROW, TREE_HEADER
+from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.frames import Frames, Point
 
 if TYPE_CHECKING:
     from hqp_rp.robot.mujoco_robot import MujocoRobot
 
+_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
+_WORLD_AXES = np.eye(3)
+_WORLD_AXES.setflags(write=False)
+
 
 class MujocoFrames(Frames):
-    """The frames of a `MujocoRobot`, from its private state. Raises `RobotError` for a name that it does not have."""
+    """The frames of a `MujocoRobot`, from its private state. Raises `RobotError` for a name that it does not have.
+
+    MuJoCo's arrays stay where they are while the state lives, so their addresses are taken once. Only numbers are read from
+    them: a model whose lengths or masses are changed in place is followed.
+    """
 
     def __init__(self, robot: MujocoRobot, names: tuple[str | Point, ...]) -> None:
         super().__init__(robot, names)
         self._arm_of = robot._unchanged_arm
-        self._state = model, data = robot._model, robot._data
-        self._poses = []
-        self._bodies_and_sites = []
-        self._points = []
-        for f, name in enumerate(names):
-            if isinstance(name, Point):
-                self._points.append((self.origins[f], self.jacobians[f, :3]))
-                continue
-            index = robot._frame(name)
-            if index < model.nbody:
-                function, rotation, origin = mujoco.mj_jacBody, data.xmat[index], data.xpos[index]
-            else:
-                index -= model.nbody
-                function, rotation, origin = mujoco.mj_jacSite, data.site_xmat[index], data.site_xpos[index]
-            self._poses += [(self.rotations[f], rotation.reshape(3, 3)), (self.origins[f], origin)]
-            self._bodies_and_sites.append((function, self.jacobians[f, :3], self.jacobians[f, 3:], index))
+        model, data = robot._model, robot._data
+        self.q = data.qpos
+        # Whoever reads by address must keep the memory: model and state, and what is ours.
+        self._kept: tuple[Any, ...] = (model, data, np.array([robot._moving_mass]))
+        if Point.CENTER_OF_MASS in names:
+            robot._require_mass()
+        self.bodies = int(model.nbody)
+        self.tree = _tree(robot, names, self._kept[2])
+        self._room = np.empty((self.bodies, 4))
 
     def read(self) -> None:
         """Fill the arrays for the robot's current configuration."""
-        model, data = self._state
-        for out, source in self._poses:
-            out[:] = source
-        for function, linear, angular, index in self._bodies_and_sites:
-            function(model, data, linear, angular, index)
-        for origin, jacobian in self._points:
-            origin[:] = self._robot.center_of_mass()
-            jacobian[:] = self._robot.center_of_mass_jacobian()
+        from hqp_rp.core.kernels.tree import tree_frames
+
+        tree_frames(self.tree, self.rotations, self.origins, self.jacobians, self._room)
 
     def many(self, q: FloatArray, threads: int | None = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `Frames.many`; of a robot made from an arm, by the arm's compiled kinematics."""
@@ -55,3 +53,72 @@ class MujocoFrames(Frames):
             return super().many(q, threads)
         found = [arm.kinematics(q, str(name), threads=threads) for name in self.names]
         return tuple(np.stack([of_one[k] for of_one in found], axis=1) for k in range(3))  # type: ignore[return-value]
+
+
+def _tree(robot: MujocoRobot, names: tuple[str | Point, ...], mass: FloatArray) -> IntArray:
+    """The description that `hqp_rp.core.kernels.tree` reads."""
+    model, data = robot._model, robot._data
+    moving = [body for body in range(model.nbody - 1, 0, -1) if model.body_treeid[body] >= 0]
+    dofs_at = TREE_HEADER + FRAME_ROW * len(names)
+    bodies_at = dofs_at + DOF_ROW * model.nv
+    end = bodies_at + BODY_ROW * len(moving)
+    frames: list[int] = []
+    chains: list[int] = []
+    for name in names:
+        if isinstance(name, Point):
+            frames += [0, 0, end, end]
+            continue
+        index = robot._frame(name)
+        if index < model.nbody:
+            body, rotation, origin = index, _row(data.xmat, index), _row(data.xpos, index)
+        else:
+            site = index - int(model.nbody)
+            body = int(model.site_bodyid[site])
+            rotation, origin = _row(data.site_xmat, site), _row(data.site_xpos, site)
+        chain = _chain(model, body)
+        frames += [rotation, origin, end, end + len(chain)]
+        chains += chain
+        end += len(chain)
+    bodies = [
+        number
+        for body in moving
+        for number in (body, int(model.body_parentid[body]), _row(model.body_mass, body), _row(data.xipos, body))
+    ]
+    header = [len(names), dofs_at, bodies_at, len(moving), _row(mass, 0)]
+    return np.array([*header, *frames, *_dofs(model, data), *bodies, *chains], dtype=np.int64)
+
+
+def _row(array: Any, i: int) -> int:
+    """The address of an entry or a row."""
+    return int(array.__array_interface__["data"][0]) + i * int(array.strides[0])
+
+
+def _chain(model: Any, body: int) -> list[int]:
+    """The dofs that move a body, the nearest first."""
+    while body and not model.body_dofnum[body]:
+        body = int(model.body_parentid[body])
+    if not body:
+        return []
+    chain = []
+    dof = int(model.body_dofadr[body] + model.body_dofnum[body]) - 1
+    while dof >= 0:
+        chain.append(dof)
+        dof = int(model.dof_parentid[dof])
+    return chain
+
+
+def _dofs(model: Any, data: Any) -> list[int]:
+    """Axis, its stride, anchor, whether it turns, and body of each dof."""
+    found: list[int] = []
+    for j in range(model.njnt):
+        kind, body = int(model.jnt_type[j]), int(model.jnt_bodyid[j])
+        anchor = _row(data.xanchor, j)
+        if kind == _FREE:
+            for i in range(3):
+                found += [_row(_WORLD_AXES, i), 8, anchor, 0, body]
+        if kind in (_FREE, _BALL):  # about the axes of the body, the columns of its rotation
+            for i in range(3):
+                found += [_row(data.xmat, body) + 8 * i, 24, anchor, 1, body]
+        else:
+            found += [_row(data.xaxis, j), 8, anchor, int(kind != _SLIDE), body]
+    return found

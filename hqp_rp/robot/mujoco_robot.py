@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,11 +18,12 @@ from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, u
 from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_arm import arm_spec
 from hqp_rp.robot.mujoco_frames import MujocoFrames
+from hqp_rp.robot.mujoco_model import geometry, model_name, position_limits, quaternions
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
 _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
-# Where the quaternion of a joint starts within its part of q.
-_QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+_FLOAT64 = np.dtype(np.float64)
+_isfinite, _kinematics = math.isfinite, mujoco.mj_kinematics
 
 
 class MujocoRobot(ModelRobot):
@@ -59,18 +61,15 @@ class MujocoRobot(ModelRobot):
             raise RobotError(f"model is a {type(model).__name__}; give a mujoco.MjModel, or use MujocoRobot.from_file.")
         self._model = model
         self._nq, self._nv = int(model.nq), int(model.nv)
-        self._name = f"the MuJoCo model {_model_name(model)!r}"
+        self._shape = (self._nq,)
+        self._name = f"the MuJoCo model {model_name(model)!r}"
         require_joints(self._nv, self._name)
         self._joint_names = tuple(model.joint(j).name or f"unnamed_joint_{j}" for j in range(model.njnt))
         widths = tuple(np.diff([*model.jnt_dofadr, model.nv]).tolist())
         limit = np.inf if velocity_limit is None else velocity_limit
         self._velocity_limit = checked_limit(limit, self._joint_names, widths)
-        self._lower, self._upper = _position_limits(model)
-        self._quaternions = tuple(
-            int(model.jnt_qposadr[j]) + _QUATERNION[int(model.jnt_type[j])]
-            for j in range(model.njnt)
-            if int(model.jnt_type[j]) in _QUATERNION
-        )
+        self._lower, self._upper = position_limits(model)
+        self._quaternions = quaternions(model)
         # Sites are numbered after the bodies: one integer says which frame it is.
         self._nbody = int(model.nbody)
         bodies = [("body", model.body(i).name, i) for i in range(model.nbody)]
@@ -88,6 +87,7 @@ class MujocoRobot(ModelRobot):
         neutral = model.qpos0 if neutral is None else neutral
         self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
         self._simulation: mujoco.MjData | None = None
+        self._given: FloatArray | None = None
         self._arm: tuple[DHArm, FloatArray] | None = None
         self.update(self._neutral)
 
@@ -96,7 +96,7 @@ class MujocoRobot(ModelRobot):
         """The robot of `arm_spec(arm, ...)`: see there for what the model is. Errors as `arm_spec`."""
         model = arm_spec(arm, timestep=timestep, gravity_compensation=gravity_compensation).compile()
         robot = cls(model, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
-        robot._arm = arm, _geometry(model)
+        robot._arm = arm, geometry(model)
         return robot
 
     @classmethod
@@ -164,10 +164,24 @@ class MujocoRobot(ModelRobot):
 
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
-        self._q = own = frozen(self._checked(q, "q").copy())
-        self._qpos[:] = own
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
+        if type(q) is np.ndarray and q.dtype is _FLOAT64 and q.shape == self._shape:
+            values = q.tolist()
+            # A sum is quicker than a mask; where it is not finite, or a quaternion may be zero, every entry is looked at.
+            if not _isfinite(sum(values)) or (self._quaternions and not self._have_directions(values)):
+                self._checked(q, "q")
+        else:
+            q = self._checked(q, "q")
+        self._qpos[...] = q  # quicker than [:]
+        self._given = None
+        self._is_complete = False
+        _kinematics(self._model, self._data)
+
+    @property
+    def q(self) -> FloatArray:
+        """(nq,) the configuration of the last `update`, read-only."""
+        if self._given is None:
+            self._given = frozen(self._qpos.copy())
+        return self._given
 
     def pose(self, frame: str) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) from frame to world and origin (3,) of `frame` in the world."""
@@ -182,6 +196,7 @@ class MujocoRobot(ModelRobot):
     def jacobian(self, frame: str) -> FloatArray:
         """(6, nv): linear velocity of the frame's origin over angular velocity, both in world axes, per unit v."""
         index = self._frame(frame)
+        self._complete()
         jacobian = np.empty((6, self._nv))
         if index < self._nbody:
             mujoco.mj_jacBody(self._model, self._data, jacobian[:3], jacobian[3:], index)
@@ -195,6 +210,7 @@ class MujocoRobot(ModelRobot):
 
     def center_of_mass(self) -> FloatArray:
         """(3,) centre of mass of the bodies that can move, in the world. Raises `RobotError` where nothing can."""
+        self._complete()
         total = float(self._model.body_subtreemass[0])
         moment = total * self._data.subtree_com[0]
         if self._fixed.size:
@@ -203,6 +219,7 @@ class MujocoRobot(ModelRobot):
 
     def center_of_mass_jacobian(self) -> FloatArray:
         """(3, nv) velocity of that centre of mass in world axes, per unit v."""
+        self._complete()
         jacobian = np.empty((3, self._nv))
         mujoco.mj_jacSubtreeCom(self._model, self._data, jacobian, 0)
         jacobian *= float(self._model.body_subtreemass[0]) / self._require_mass()
@@ -210,6 +227,7 @@ class MujocoRobot(ModelRobot):
 
     def mass_matrix(self) -> FloatArray:
         """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""
+        self._complete()
         mujoco.mj_makeM(self._model, self._data)
         matrix = np.empty((self._nv, self._nv))
         mujoco.mj_fullM(self._model, self._data, matrix)
@@ -217,12 +235,14 @@ class MujocoRobot(ModelRobot):
 
     def gravity(self) -> FloatArray:
         """(nv,) gravity torque g(q) in M(q) a + h(q, v) + g(q) = tau, before any gravity compensation of the model."""
+        self._complete()
         torque = np.empty(self._nv)
         mujoco.mj_rne(self._model, self._data, 0, torque)
         return torque
 
     def bias(self, v: FloatArray) -> FloatArray:
         """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau, for v (nv,): Coriolis, centrifugal and gravity torques."""
+        self._complete()
         torque = np.empty(self._nv)
         self._data.qvel[:] = checked_vector(v, self._nv, "v")
         mujoco.mj_comVel(self._model, self._data)
@@ -246,15 +266,15 @@ class MujocoRobot(ModelRobot):
 
     def _unchanged_arm(self) -> DHArm | None:
         """The arm that the robot was made from, while its model still has that arm's geometry; None otherwise."""
-        if self._arm is None or not np.array_equal(_geometry(self._model), self._arm[1]):
+        if self._arm is None or not np.array_equal(geometry(self._model), self._arm[1]):
             return None
         return self._arm[0]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q, self._unchanged_arm())
+        return _rebuild, (self._model, self._velocity_limit, self._neutral, self.q, self._unchanged_arm())
 
     def __repr__(self) -> str:
-        return f"MujocoRobot({_model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
+        return f"MujocoRobot({model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
 
     def _checked(self, q: ArrayLike, what: str) -> FloatArray:
         vector = checked_vector(q, self._nq, what)
@@ -263,6 +283,20 @@ class MujocoRobot(ModelRobot):
             if not quaternion.dot(quaternion) > _MIN_SQUARE:
                 raise RobotError(f"{what}[{start}:{start + 4}] is a zero quaternion; it must have a direction.")
         return vector
+
+    def _have_directions(self, q: list[float]) -> bool:
+        """Whether no quaternion in q is zero."""
+        for start in self._quaternions:
+            w, x, y, z = q[start : start + 4]
+            if not w * w + x * x + y * y + z * z > _MIN_SQUARE:
+                return False
+        return True
+
+    def _complete(self) -> None:
+        """What only Jacobians by MuJoCo and dynamics need of the configuration, when first asked for: dof axes and inertias."""
+        if not self._is_complete:
+            mujoco.mj_comPos(self._model, self._data)
+            self._is_complete = True
 
     def _require_mass(self) -> float:
         if self._moving_mass <= 0.0:
@@ -274,25 +308,6 @@ def _rebuild(
     model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray, arm: DHArm | None
 ) -> MujocoRobot:
     robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral)
-    robot._arm = None if arm is None else (arm, _geometry(model))
+    robot._arm = None if arm is None else (arm, geometry(model))
     robot.update(q)
     return robot
-
-
-def _geometry(model: mujoco.MjModel) -> FloatArray:
-    """Every number of the model that poses and Jacobians depend on."""
-    parts = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat", "qpos0")
-    return np.concatenate([getattr(model, part).ravel() for part in parts])
-
-
-def _model_name(model: mujoco.MjModel) -> str:
-    return bytes(model.names).split(b"\0", 1)[0].decode()
-
-
-def _position_limits(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
-    lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
-    scalar = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    for j in range(model.njnt):
-        if model.jnt_limited[j] and int(model.jnt_type[j]) in scalar:
-            lower[model.jnt_dofadr[j]], upper[model.jnt_dofadr[j]] = model.jnt_range[j]
-    return frozen(lower), frozen(upper)

@@ -19,8 +19,10 @@ from hqp_rp.control import (
     Stack,
     TwistTask,
 )
+from hqp_rp.control._coordinates import plain_coordinates
 from hqp_rp.control._rotations import rotation_log, skew
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
+from hqp_rp.core.problem import Problem
 from hqp_rp.robot import MujocoRobot, PinocchioRobot, sawyer
 from hqp_rp.robot.named import named_robot
 from tests.control.chain import expm_so3, random_chain, random_rotation
@@ -301,3 +303,66 @@ def test_large_turns_are_measured_the_short_way():
         axis = np.array([2.0, -1.0, 0.5]) / np.sqrt(5.25)
         found = OrientationTask("tool", expm_so3(angle * axis) @ R).error(robot)
         np.testing.assert_allclose(found, angle * axis, rtol=1e-9, atol=1e-15)
+
+
+def humanoid_by_pinocchio():
+    return PinocchioRobot.from_mujoco(named_robot("humanoid").model)
+
+
+@pytest.mark.parametrize(
+    ("make", "floating"),
+    [(ROBOTS["humanoid"], True), (humanoid_by_pinocchio, True), (ROBOTS["mujoco"], False)],
+    ids=["humanoid", "humanoid by Pinocchio", "arm"],
+)
+def test_joints_of_a_floating_robot_are_subtracted_plainly(make, floating):
+    """Rows of hinges need no call of the robot, however far the target; those of a free joint's turn still do."""
+    robot, rng = make(), np.random.default_rng(8)
+    target = robot.integrate(robot.neutral, 4.0 * rng.normal(size=robot.nv), 1.0)
+    last, some = range(6 if floating else 0, robot.nv), range(0, robot.nv, 2)
+    stack = Stack([PostureTask(target, joints=last), PostureTask(target, joints=some)])
+    stack.problem(robot)
+    moved(robot, rng)
+    calls, difference = [], robot.difference
+    robot.difference = lambda a, b: calls.append(1) or difference(a, b)
+    problem = stack.problem(robot)
+    assert len(calls) == floating
+    np.testing.assert_allclose(problem.lower, difference(robot.q, target)[[*last, *some]], rtol=0.0, atol=4e-15)
+    np.testing.assert_array_equal(problem.matrix, np.eye(robot.nv)[[*last, *some]])
+
+
+def test_plain_coordinates_are_those_that_the_robot_itself_subtracts():
+    humanoid, same, arm = named_robot("humanoid"), humanoid_by_pinocchio(), ROBOTS["mujoco"]()
+    n = humanoid.nv
+    # MuJoCo's free joint moves along world axes, Pinocchio's along the body's.
+    assert plain_coordinates(humanoid).tolist() == [0, 1, 2, -1, -1, -1, *range(7, n + 1)]
+    assert plain_coordinates(same).tolist() == [-1] * 6 + list(range(7, n + 1))
+    assert plain_coordinates(arm).tolist() == list(range(7))
+    difference = humanoid.difference
+    # A robot that takes its last joint the short way round.
+    humanoid.difference = lambda a, b: np.append(
+        difference(a, b)[:-1], np.remainder(difference(a, b)[-1] + np.pi, 2.0 * np.pi) - np.pi
+    )
+    assert plain_coordinates(humanoid)[-2:].tolist() == [n - 1, -1]
+
+
+@pytest.mark.parametrize("soft", [False, True])
+def test_hard_rows_stand_on_top_for_solvers_that_take_them_so(soft):
+    robot = ROBOTS["mujoco"]()
+    levels = [JointLimit()] if soft else []
+    stack = Stack(
+        [*levels, PositionTask("tool", np.zeros(3)), PostureTask(robot.neutral)], limits=[JointLimit(), Growing()]
+    )
+    for step in range(1, 3):
+        problem = stack.problem(robot, 0.1)
+        assert problem.hard.m == 7 + step  # the last limit grows by a row at each step
+        whole, plain = problem.with_hard, Problem(problem.levels, problem.hard).with_hard
+        for found, expected in zip(whole, plain, strict=True):
+            np.testing.assert_array_equal(found, expected)
+        assert whole.matrix.flags.writeable
+        for array in (problem.matrix, problem.lower, problem.hard.A, problem.hard.lower, problem.hard.upper):
+            assert not array.flags.writeable
+        assert problem.is_equality is not soft
+        alone = Stack([*levels, *(item for (item,) in stack.levels if item not in levels)]).problem(robot, 0.1)
+        np.testing.assert_array_equal(problem.matrix, alone.matrix)
+        np.testing.assert_array_equal(problem.lower, alone.lower)
+        np.testing.assert_array_equal(problem.upper, alone.upper)

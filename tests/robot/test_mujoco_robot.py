@@ -116,6 +116,48 @@ def test_returned_arrays_are_fresh_and_the_stored_ones_read_only():
             value[0] = 1.0
 
 
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda r: r.jacobian("mark"),
+        lambda r: r.center_of_mass(),
+        lambda r: r.center_of_mass_jacobian(),
+        lambda r: r.mass_matrix(),
+        lambda r: r.gravity(),
+        lambda r: r.bias(np.linspace(-1.0, 1.0, 12)),
+    ],
+)
+def test_whatever_is_asked_first_after_an_update_is_of_that_configuration(mixed, read):
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        q = mixed.integrate(mixed.neutral, rng.normal(size=12), 1.0)
+        mixed.update(q)
+        found = read(mixed)
+        data = mujoco.MjData(mixed.model)
+        data.qpos[:] = q
+        mujoco.mj_forward(mixed.model, data)
+        fresh = MujocoRobot(mixed.model, neutral=q)
+        fresh._data = data
+        fresh._is_complete = True
+        np.testing.assert_array_equal(found, read(fresh))
+
+
+def test_the_configuration_is_kept_as_it_was_given(mixed):
+    q = np.arange(1.0, 15.0)  # quaternions that are not normalized, and neither are they afterwards
+    mixed.update(q)
+    before = mixed.q
+    assert mixed.q is before
+    mixed.update([*q[:-1], 2.0])
+    np.testing.assert_array_equal(before, q)
+    np.testing.assert_array_equal(mixed.q, [*q[:-1], 2.0])
+    mixed.update(q[::-1])
+    np.testing.assert_array_equal(mixed.q, q[::-1])
+    kept = mixed.q
+    with pytest.raises(RobotError, match=r"q\[4\] is nan"):
+        mixed.update(np.where(np.arange(14) == 4, np.nan, q))
+    assert mixed.q is kept
+
+
 def test_a_robot_can_be_sent_to_another_process():
     robot = MujocoRobot.from_arm(sawyer())
     robot.update(np.linspace(-1.0, 1.0, 7))

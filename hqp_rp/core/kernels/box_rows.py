@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.compile import lean
 
 
-@kernel
+@lean
 def allowed_step(distance, gain, a):
     """phi(d): the signed step towards a limit at the signed distance d; a = A dt^2, or infinite.
 
@@ -23,7 +23,7 @@ def allowed_step(distance, gain, a):
     return math.copysign(min(gain * size, longest), distance)
 
 
-@kernel
+@lean
 def box_limit(header, index, numbers, values, matrix, lower, upper):
     """Rows of the identity and the box: numbers gain, then least and greatest position, V and A (n each).
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from hqp_rp.core.kernels.compile import inlined, kernel
+from hqp_rp.core.kernels.compile import inlined, lean
 
 
-@kernel
+@lean
 def rotation_vector(R, r):
     """r (3,) <- log R, with 0 <= |r| <= pi, through the largest of the four forms of the quaternion (Shepperd 1978)."""
     a, b, c = R[0, 0], R[0, 1], R[0, 2]
@@ -26,7 +26,7 @@ def rotation_vector(R, r):
         w, x, y, z = d - b, c + g, f + h, 1.0 - a - e + i
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
-    sine = math.hypot(math.hypot(x, y), z)
+    sine = math.sqrt(x * x + y * y + z * z)  # squares that underflow are below what the test of `factor` looks at
     # atan2(s, w) / s tends to 1 / w: below 1e-9 the next term of the series, (s / w)^2 / 3, is lost in rounding.
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-9 * w else 2.0 / w
     r[0], r[1], r[2] = factor * x, factor * y, factor * z
@@ -39,7 +39,7 @@ def turned(R, v, out):
         out[i] = R[0, i] * v[0] + R[1, i] * v[1] + R[2, i] * v[2]
 
 
-@kernel
+@lean
 def rotation_error(R_target, R, product, r):
     """r (3,) <- log(R_target R^T); product (3, 3) is room."""
     for i in range(3):

@@ -16,12 +16,13 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.box_rows import box_limit
-from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.compile import inlined, kernel, lean
 from hqp_rp.core.kernels.rotation import rotation_error, turned
 from hqp_rp.core.kernels.row_kinds import BOX, FRAME, POSTURE, RELATIVE, TWIST
+from hqp_rp.core.kernels.views import as_matrix, as_vector
 
 
-@kernel
+@inlined
 def frame_row(J, rotations, axes, axis, w, row):
     """row (n,) <- w times row `axis` of J (6, n), in the world's axes or, for axes >= 0, in those of that frame."""
     if axes < 0:
@@ -35,7 +36,7 @@ def frame_row(J, rotations, axes, axis, w, row):
         row[j] = x * J[half, j] + y * J[half + 1, j] + z * J[half + 2, j]
 
 
-@kernel
+@lean
 def frame_task(header, index, numbers, rotations, origins, jacobians, plain, matrix, rate, room, product):
     """Position over orientation along chosen axes: numbers gain, weight, world feed-forward (6), R* (9), p* (3); index: axes.
 
@@ -45,7 +46,7 @@ def frame_task(header, index, numbers, rotations, origins, jacobians, plain, mat
     n = matrix.shape[1]
     J = jacobians[f]
     forward = numbers[at + 2 * m : at + 2 * m + 6]
-    target = numbers[at + 2 * m + 6 : at + 2 * m + 15].reshape((3, 3))
+    target = as_matrix(numbers[at + 2 * m + 6 : at + 2 * m + 15], 3, 3)
     place = numbers[at + 2 * m + 15 : at + 2 * m + 18]
     e, feed, world = room[0], room[1], room[2]
     linear, angular = False, False
@@ -84,7 +85,7 @@ def frame_task(header, index, numbers, rotations, origins, jacobians, plain, mat
                 matrix[row + i, j] -= x * turning[3, j] + y * turning[4, j] + z * turning[5, j]
 
 
-@kernel
+@lean
 def twist_task(header, index, numbers, rotations, jacobians, plain, matrix, rate):
     """A commanded velocity: numbers gain (not used), weight, velocity (m); index: axes. Rows `(R_f^T J)[axes]`."""
     m, row, at, f, axes, start = header[1], header[2], header[3], header[4], header[5], header[6]
@@ -94,7 +95,7 @@ def twist_task(header, index, numbers, rotations, jacobians, plain, matrix, rate
         frame_row(jacobians[f], rotations, axes, index[start + i], w, matrix[row + i])
 
 
-@kernel
+@lean
 def posture_task(header, index, numbers, values, plain, matrix, rate):
     """Chosen joints: numbers gain, weight, feed-forward, target (m each).
 
@@ -110,7 +111,7 @@ def posture_task(header, index, numbers, values, plain, matrix, rate):
         matrix[row + i, index[start + i]] = w
 
 
-@kernel
+@lean
 def relative_task(header, index, numbers, rotations, origins, jacobians, plain, matrix, rate, room, product):
     """Pose of frame b (`header`'s frame) seen from a (the frame of the axes): numbers as of `frame_task`, all in a's axes.
 
@@ -119,7 +120,7 @@ def relative_task(header, index, numbers, rotations, origins, jacobians, plain, 
     """
     m, row, at, b, a, start = header[1], header[2], header[3], header[4], header[5], header[6]
     n = matrix.shape[1]
-    target = numbers[at + 2 * m + 6 : at + 2 * m + 15].reshape((3, 3))
+    target = as_matrix(numbers[at + 2 * m + 6 : at + 2 * m + 15], 3, 3)
     R_a, R_b, J_a, J_b = rotations[a], rotations[b], jacobians[a], jacobians[b]
     e, between, local = room[0], room[1], room[2]
     for k in range(3):
@@ -158,7 +159,7 @@ def relative_task(header, index, numbers, rotations, origins, jacobians, plain, 
                 matrix[row + i, j] *= w
 
 
-@kernel
+@lean
 def pointing_task(header, numbers, rotations, jacobians, plain, matrix, rate, room, product):
     """An axis onto a direction: numbers gain, weight (2), feed-forward (3), basis (9), direction d (3); two rows.
 
@@ -166,7 +167,7 @@ def pointing_task(header, numbers, rotations, jacobians, plain, matrix, rate, ro
     """
     row, at, f = header[2], header[3], header[4]
     R, J = rotations[f], jacobians[f]
-    basis = numbers[at + 7 : at + 16].reshape((3, 3))
+    basis = as_matrix(numbers[at + 7 : at + 16], 3, 3)
     B = product[:3]
     for i in range(3):
         for j in range(3):
@@ -189,16 +190,15 @@ def pointing_task(header, numbers, rotations, jacobians, plain, matrix, rate, ro
             matrix[row + i, j] = w * (B[0, i] * J[3, j] + B[1, i] * J[4, j] + B[2, i] * J[5, j])
 
 
-@kernel
-def task_rows(items, index, numbers, rotations, origins, jacobians, values, plain, matrix, lower, upper):
+@lean
+def task_rows(items, index, numbers, rotations, origins, jacobians, values, plain, matrix, lower, upper, room, product):
     """Fill the rows of all tasks and limits in matrix (M, n), lower and upper (M,), then judge all rows.
 
     Rows of other items stand in the arrays already. `upper` is empty where every row is an equality. `values`: coordinates
     that posture tasks and limits refer to, dt, and the velocity before the step. `plain`: rows without weights, and errors in
-    the place of rates. True where every entry of the matrix is finite, bounds are ordered, and each row has an answer.
+    the place of rates. room (3, 6) and product (6, 3) are overwritten. True where every entry of the matrix is finite, bounds
+    are ordered, and each row has an answer.
     """
-    room = np.empty((3, 6))
-    product = np.empty((6, 3))
     one_sided = upper.shape[0] == 0
     for k in range(items.shape[0]):
         header = items[k]
@@ -221,9 +221,9 @@ def task_rows(items, index, numbers, rotations, origins, jacobians, values, plai
                 upper[i] = lower[i]
     # Zero times anything finite is zero; times nan or infinity it is nan, which no sum loses.
     total = 0.0
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            total += 0.0 * matrix[i, j]
+    entries = as_vector(matrix)
+    for i in range(len(entries)):
+        total += 0.0 * entries[i]
     sound = True
     for i in range(matrix.shape[0]):
         if one_sided:
@@ -239,6 +239,7 @@ def many_task_rows(items, index, numbers, rotations, origins, jacobians, values,
 
     The number of the first configuration whose rows no solver can take, -1 where there is none.
     """
+    room, product = np.empty((3, 6)), np.empty((6, 3))
     for i in range(len(matrices)):
         if not task_rows(
             items,
@@ -252,6 +253,8 @@ def many_task_rows(items, index, numbers, rotations, origins, jacobians, values,
             matrices[i],
             lowers[i],
             none,
+            room,
+            product,
         ):
             return i
     return -1
