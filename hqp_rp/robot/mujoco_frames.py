@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -20,31 +21,48 @@ _WORLD_AXES = np.eye(3)
 _WORLD_AXES.setflags(write=False)
 
 
-class MujocoFrames(Frames):
-    """The frames of a `MujocoRobot`, from its private state. Raises `RobotError` for a name that it does not have.
+class FrameMemory:
+    """Where MuJoCo keeps what poses and Jacobians of some frames are made from.
 
     MuJoCo's arrays stay where they are while the state lives, so their addresses are taken once. Only numbers are read from
     them: a model whose lengths or masses are changed in place is followed.
+
+    Args:
+        model, data: the model and a state of it. frames: numbers of bodies, of sites after the bodies, or None for the centre
+            of mass. mass: of the moving bodies, kg.
+
+    Attributes:
+        tree: as `hqp_rp.core.kernels.tree` takes it. bodies: rows of the room that it needs.
     """
+
+    def __init__(self, model: Any, data: Any, frames: Sequence[int | None], mass: float) -> None:
+        from hqp_rp.core.kernels.tree import tree_frames
+
+        self._kernel = tree_frames
+        total = np.array([mass])
+        # Whoever reads by address must keep the memory.
+        self._kept = (model, data, total)
+        self.bodies = int(model.nbody)
+        self.tree = _tree(model, data, frames, total)
+        self._room = np.empty((self.bodies, 4))
+
+    def read(self, rotations: FloatArray, origins: FloatArray, jacobians: FloatArray) -> None:
+        """Fill rotations (F, 3, 3), origins (F, 3) and jacobians (F, 6, nv); what is always zero is left as it is."""
+        self._kernel(self.tree, rotations, origins, jacobians, self._room)
+
+
+class MujocoFrames(Frames):
+    """The frames of a `MujocoRobot`, from its private state. Raises `RobotError` for a name that it does not have."""
 
     def __init__(self, robot: MujocoRobot, names: tuple[str | Point, ...]) -> None:
         super().__init__(robot, names)
         self._arm_of = robot._unchanged_arm
-        model, data = robot._model, robot._data
-        self.q = data.qpos
-        # Whoever reads by address must keep the memory: model and state, and what is ours.
-        self._kept: tuple[Any, ...] = (model, data, np.array([robot._moving_mass]))
-        if Point.CENTER_OF_MASS in names:
-            robot._require_mass()
-        self.bodies = int(model.nbody)
-        self.tree = _tree(robot, names, self._kept[2])
-        self._room = np.empty((self.bodies, 4))
+        self._memory = robot._memory_of(names)
+        self.tree, self.bodies, self.q = self._memory.tree, self._memory.bodies, robot._qpos
 
     def read(self) -> None:
         """Fill the arrays for the robot's current configuration."""
-        from hqp_rp.core.kernels.tree import tree_frames
-
-        tree_frames(self.tree, self.rotations, self.origins, self.jacobians, self._room)
+        self._memory.read(self.rotations, self.origins, self.jacobians)
 
     def many(self, q: FloatArray, threads: int | None = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `Frames.many`; of a robot made from an arm, by the arm's compiled kinematics."""
@@ -55,24 +73,22 @@ class MujocoFrames(Frames):
         return tuple(np.stack([of_one[k] for of_one in found], axis=1) for k in range(3))  # type: ignore[return-value]
 
 
-def _tree(robot: MujocoRobot, names: tuple[str | Point, ...], mass: FloatArray) -> IntArray:
+def _tree(model: Any, data: Any, numbers: Sequence[int | None], mass: FloatArray) -> IntArray:
     """The description that `hqp_rp.core.kernels.tree` reads."""
-    model, data = robot._model, robot._data
     moving = [body for body in range(model.nbody - 1, 0, -1) if model.body_treeid[body] >= 0]
-    dofs_at = TREE_HEADER + FRAME_ROW * len(names)
+    dofs_at = TREE_HEADER + FRAME_ROW * len(numbers)
     bodies_at = dofs_at + DOF_ROW * model.nv
     end = bodies_at + BODY_ROW * len(moving)
     frames: list[int] = []
     chains: list[int] = []
-    for name in names:
-        if isinstance(name, Point):
+    for number in numbers:
+        if number is None:
             frames += [0, 0, end, end]
             continue
-        index = robot._frame(name)
-        if index < model.nbody:
-            body, rotation, origin = index, _row(data.xmat, index), _row(data.xpos, index)
+        if number < model.nbody:
+            body, rotation, origin = number, _row(data.xmat, number), _row(data.xpos, number)
         else:
-            site = index - int(model.nbody)
+            site = number - int(model.nbody)
             body = int(model.site_bodyid[site])
             rotation, origin = _row(data.site_xmat, site), _row(data.site_xpos, site)
         chain = _chain(model, body)
@@ -84,7 +100,7 @@ def _tree(robot: MujocoRobot, names: tuple[str | Point, ...], mass: FloatArray) 
         for body in moving
         for number in (body, int(model.body_parentid[body]), _row(model.body_mass, body), _row(data.xipos, body))
     ]
-    header = [len(names), dofs_at, bodies_at, len(moving), _row(mass, 0)]
+    header = [len(numbers), dofs_at, bodies_at, len(moving), _row(mass, 0)]
     return np.array([*header, *frames, *_dofs(model, data), *bodies, *chains], dtype=np.int64)
 
 

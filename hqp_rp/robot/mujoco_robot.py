@@ -17,7 +17,7 @@ from hqp_rp.robot.frames import FrameTable, Point, checked_limit, checked_vector
 from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, urdf_velocity_limits
 from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_arm import arm_spec
-from hqp_rp.robot.mujoco_frames import MujocoFrames
+from hqp_rp.robot.mujoco_frames import FrameMemory, MujocoFrames
 from hqp_rp.robot.mujoco_model import geometry, model_name, position_limits, quaternions
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
@@ -82,8 +82,9 @@ class MujocoRobot(ModelRobot):
         self._body_pose = (data.xmat.reshape(-1, 3, 3), data.xpos)
         self._site_pose = (data.site_xmat.reshape(-1, 3, 3), data.site_xpos)
         fixed = np.flatnonzero(model.body_treeid < 0)
-        self._fixed = fixed[model.body_mass[fixed] > 0.0]
-        self._moving_mass = float(model.body_subtreemass[0] - model.body_mass[self._fixed].sum())
+        self._moving_mass = float(model.body_subtreemass[0] - model.body_mass[fixed].sum())
+        self._memories: dict[int | None, FrameMemory] = {}
+        self._pose_room = (np.empty((1, 3, 3)), np.empty((1, 3)))
         neutral = model.qpos0 if neutral is None else neutral
         self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
         self._simulation: mujoco.MjData | None = None
@@ -195,13 +196,10 @@ class MujocoRobot(ModelRobot):
 
     def jacobian(self, frame: str) -> FloatArray:
         """(6, nv): linear velocity of the frame's origin over angular velocity, both in world axes, per unit v."""
-        index = self._frame(frame)
-        self._complete()
-        jacobian = np.empty((6, self._nv))
-        if index < self._nbody:
-            mujoco.mj_jacBody(self._model, self._data, jacobian[:3], jacobian[3:], index)
-        else:
-            mujoco.mj_jacSite(self._model, self._data, jacobian[:3], jacobian[3:], index - self._nbody)
+        # The way in which a stack's rows are made: rows that say the same are then the same, to the last bit.
+        memory = self._memories.get(self._frame(frame)) or self._memory_of((frame,))
+        jacobian: FloatArray = np.zeros((6, self._nv))
+        memory.read(*self._pose_room, jacobian[None])
         return jacobian
 
     def frame_reader(self, names: tuple[str | Point, ...]) -> MujocoFrames:
@@ -210,20 +208,11 @@ class MujocoRobot(ModelRobot):
 
     def center_of_mass(self) -> FloatArray:
         """(3,) centre of mass of the bodies that can move, in the world. Raises `RobotError` where nothing can."""
-        self._complete()
-        total = float(self._model.body_subtreemass[0])
-        moment = total * self._data.subtree_com[0]
-        if self._fixed.size:
-            moment = moment - self._model.body_mass[self._fixed] @ self._data.xipos[self._fixed]
-        return np.asarray(moment / self._require_mass())
+        return self._center_of_mass()[0]
 
     def center_of_mass_jacobian(self) -> FloatArray:
         """(3, nv) velocity of that centre of mass in world axes, per unit v."""
-        self._complete()
-        jacobian = np.empty((3, self._nv))
-        mujoco.mj_jacSubtreeCom(self._model, self._data, jacobian, 0)
-        jacobian *= float(self._model.body_subtreemass[0]) / self._require_mass()
-        return jacobian
+        return self._center_of_mass()[1]
 
     def mass_matrix(self) -> FloatArray:
         """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""
@@ -292,8 +281,24 @@ class MujocoRobot(ModelRobot):
                 return False
         return True
 
+    def _center_of_mass(self) -> tuple[FloatArray, FloatArray]:
+        memory = self._memories.get(None) or self._memory_of((Point.CENTER_OF_MASS,))
+        origin, jacobian = np.empty(3), np.zeros((6, self._nv))
+        memory.read(self._pose_room[0], origin[None], jacobian[None])
+        return origin, jacobian[:3]
+
+    def _memory_of(self, names: tuple[str | Point, ...]) -> FrameMemory:
+        """What reads these frames; of a single one it is kept."""
+        if Point.CENTER_OF_MASS in names:
+            self._require_mass()
+        numbers = [None if isinstance(name, Point) else self._frame(name) for name in names]
+        memory = FrameMemory(self._model, self._data, numbers, self._moving_mass)
+        if len(numbers) == 1:
+            self._memories[numbers[0]] = memory
+        return memory
+
     def _complete(self) -> None:
-        """What only Jacobians by MuJoCo and dynamics need of the configuration, when first asked for: dof axes and inertias."""
+        """What only dynamics need of the configuration, when first asked for: dof axes and inertias."""
         if not self._is_complete:
             mujoco.mj_comPos(self._model, self._data)
             self._is_complete = True

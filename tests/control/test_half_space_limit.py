@@ -9,6 +9,7 @@ import hqp_rp
 from hqp_rp.control import HalfSpaceLimit, JointLimit, Limit, PositionTask, PostureTask, Stack
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.solution import Status
+from hqp_rp.robot import MujocoRobot, PinocchioRobot, Robot, sawyer
 from tests.control.chain import random_chain
 
 seeds = st.integers(0, 2**32 - 1)
@@ -28,6 +29,17 @@ def test_the_row_is_the_derivative_of_the_distance(seed: int, at_origin: bool) -
         robot.update(q + sign * h * v)
         ends.append(limit.distance(robot))
     assert slope == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=1e-7)
+
+
+@pytest.mark.parametrize("robot", [MujocoRobot.from_arm(sawyer()), PinocchioRobot.from_arm(sawyer())], ids=type)
+def test_a_wall_and_a_position_along_its_normal_are_the_same_row_to_the_last_bit(robot: Robot) -> None:
+    """Exactly dependent rows stay so, whoever makes them: solvers and the exact truth need not tell them apart."""
+    rng = np.random.default_rng(3)
+    stack = Stack([HalfSpaceLimit("tool", [0.0, 1.0, 0.0], 0.5), PositionTask("tool", np.zeros(3))])
+    for _ in range(20):
+        robot.update(robot.neutral + rng.normal(size=robot.nv))
+        matrix = stack.problem(robot, 0.01).matrix
+        np.testing.assert_array_equal(matrix[0], -matrix[2])
 
 
 def test_the_distance_is_in_metres_whatever_the_length_of_the_normal() -> None:

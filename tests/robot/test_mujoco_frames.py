@@ -108,6 +108,9 @@ def check(robot, frames, q):
         (frames.rotations, frames.origins, frames.jacobians), by_mujoco(robot, q, frames.names), strict=True
     ):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=3e-15)
+    for name, jacobian in zip(frames.names, frames.jacobians, strict=True):
+        own = robot.center_of_mass_jacobian() if isinstance(name, Point) else robot.jacobian(name)
+        np.testing.assert_array_equal(jacobian[: len(own)], own)
 
 
 @pytest.mark.parametrize("kind", ROBOTS)
@@ -170,5 +173,6 @@ def test_misuse():
         frames_of(robot, ("nal",))
     massless = MujocoRobot(robot.model)
     massless._moving_mass = 0.0
-    with pytest.raises(RobotError, match="has no moving mass, hence no centre of mass"):
-        frames_of(massless, (Point.CENTER_OF_MASS,))
+    for ask in (lambda: frames_of(massless, (Point.CENTER_OF_MASS,)), massless.center_of_mass):
+        with pytest.raises(RobotError, match="has no moving mass, hence no centre of mass"):
+            ask()
