@@ -17,7 +17,7 @@ from hqp_rp.control._checks import real_array
 from hqp_rp.control._compiled import CompiledRows
 from hqp_rp.control._plan import Plan
 from hqp_rp.core.errors import ProblemError, SettingError
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.problem import FloatArray, IntArray, unknown_block
 from hqp_rp.core.threads import in_shares
 from hqp_rp.robot.robot import Robot
 
@@ -88,6 +88,12 @@ class Assembly:
 
         Raises `ProblemError` for rows that do not fit the robot, are not finite or have crossed bounds.
         """
+        return self.described(dt, v, plain, unknown_block())[:3]
+
+    def described(
+        self, dt: float | None, v: FloatArray | None, plain: bool, block: IntArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+        """`rows`, and the address of a block of `hqp_rp.core.problem.block_of`, which now says where they are."""
         others = self._given(dt, v) if self._others else None
         # Fresh at each step: a problem that someone keeps must not change when the next one is built.
         matrix, lower = _empty(self._shape), _empty(self._total)
@@ -98,12 +104,12 @@ class Assembly:
                 matrix[rows], lower[rows] = A, low
                 if self._two_sided:
                     upper[rows] = high
-        sound = self._plan.fill(matrix, lower, upper, dt, v, plain)
+        address = self._plan.fill(matrix, lower, upper, dt, v, plain, block)
         if not self._two_sided:
             upper = lower
-        if not sound:
+        if not address:
             self._refuse(matrix, lower, upper)
-        return matrix, lower, upper
+        return matrix, lower, upper, address
 
     @property
     def is_compiled(self) -> bool:

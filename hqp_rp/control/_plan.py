@@ -119,12 +119,15 @@ class Plan:
         dt: float | None,
         v: FloatArray | None,
         plain: bool,
-    ) -> bool:
-        """Make the rows of all tasks at the robot's current configuration; whether all rows, others' included, are sound.
+        block: IntArray,
+    ) -> int:
+        """Make the rows of all tasks at the robot's current configuration, and say in the block where they are.
+
+        Its address; 0 where a row, others' included, is not sound.
 
         Args:
             matrix: (M, nv). lower, upper: (M,); upper empty where every row is an equality. C-contiguous float64.
-            dt, v, plain: as of `Assembly.rows`.
+            dt, v, plain, block: as of `Assembly.described`.
         """
         for task, packed in self._packed:
             if task._packed is not packed:
@@ -132,8 +135,9 @@ class Plan:
                 break
         if self._asks:
             self._ask(v)
-        sound: bool = self._kernel(self._plan, self._room, 0.0 if dt is None else dt, plain, matrix, lower, upper)
-        return sound
+        dt = 0.0 if dt is None else dt
+        address: int = self._kernel(self._plan, self._room, dt, plain, matrix, lower, upper, block)
+        return address
 
     @property
     def is_compiled(self) -> bool:

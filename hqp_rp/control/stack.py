@@ -15,7 +15,7 @@ from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem, Stacked
+from hqp_rp.core.problem import FloatArray, IntArray, Problem, assembled, block_of
 from hqp_rp.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 Item: TypeAlias = Any
 """A `Task`, a `Limit`, or a task or limit of mink."""
 
-_from_stacked = Problem.from_stacked
 _INFINITE = math.inf
 _MEANT = "a Task, a Limit, or a task or limit of mink"
 
@@ -53,6 +52,7 @@ class Stack:
 
     __slots__ = (
         "_assembly",
+        "_block",
         "_configurations",
         "_counts",
         "_ends",
@@ -63,7 +63,6 @@ class Stack:
         "_names",
         "_needs_dt",
         "_offsets",
-        "_on_top",
         "_two_sided",
     )
 
@@ -92,7 +91,7 @@ class Stack:
         # Of the levels, and of the levels below the hard rows; how many of these there are.
         self._counts: list[int] = []
         self._offsets = (np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
-        self._on_top = 0
+        self._block = np.zeros(0, dtype=np.int64)
 
     @property
     def levels(self) -> tuple[tuple[Item, ...], ...]:
@@ -139,20 +138,12 @@ class Stack:
         if self._configurations is not None:
             self._configurations.expire()
 
-        matrix, lower, upper = assembly.rows(dt, v)
+        block = self._block.copy()
+        matrix, lower, upper, address = assembly.described(dt, v, False, block)
         if assembly.counts is not self._counts:
             self._count(assembly)
-        offsets, below = self._offsets
-        if not self._hard:
-            return _from_stacked(matrix, lower, upper, offsets, names=self._names, check=False)
-        top = self._on_top
-        hard = Level._view(_frozen(matrix[:top]), _frozen(lower[:top]), _frozen(upper[:top]), "limits")
-        low = lower[top:]
-        high = upper[top:] if self._two_sided else low
-        problem = _from_stacked(matrix[top:], low, high, offsets, names=self._names, hard=hard, check=False)
-        # What solvers with hard rows would put together again.
-        object.__setattr__(problem, "_with_hard", Stacked(matrix, lower, upper, below))
-        return problem
+            address = 0  # the block is of other counts
+        return assembled(matrix, lower, upper, self._offsets, self._names, not self._two_sided, (block, address))
 
     def batch(
         self,
@@ -222,8 +213,8 @@ class Stack:
         """Find where levels begin and end, from the rows of each item: hard ones first."""
         ends = np.cumsum([0, *assembly.counts])
         below = ends[[0, len(self._hard), *(len(self._hard) + end for end in self._ends)]]
-        self._on_top = int(below[1])
-        self._offsets = (below[1:] - below[1], below)
+        self._offsets = offsets, _ = (below[1:] - below[1], below)
+        self._block = block_of(offsets, int(below[1]), assembly.robot.nv)
         self._counts = assembly.counts
 
     def _meet(self, robot: Robot) -> Assembly:
@@ -236,8 +227,9 @@ class Stack:
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
         two_sided = self._two_sided or bool(self._hard)
-        self._assembly = Assembly((*self._hard, *self._items), robot, two_sided, self._where)
-        return self._assembly
+        self._assembly = assembly = Assembly((*self._hard, *self._items), robot, two_sided, self._where)
+        self._count(assembly)
+        return assembly
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0
@@ -299,8 +291,3 @@ def _checked_velocity(v: ArrayLike, robot: Robot) -> FloatArray:
     if velocity.shape != (robot.nv,) or not np.isfinite(velocity).all():
         raise SettingError(f"v is {velocity.tolist()}; it must be {robot.nv} finite numbers in rad/s or m/s.")
     return velocity
-
-
-def _frozen(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array

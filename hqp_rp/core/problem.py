@@ -211,7 +211,7 @@ class Problem(_Fields):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> object:
-            """What `problem_on_top` leaves for later: a solver that takes all rows together asks for none of it."""
+            """What `assembled` leaves for later: a solver that takes all rows together asks for none of it."""
             if name == "hard":
                 matrix, lower, upper, _ = self._with_hard
                 top = slice(self._on_top)
@@ -264,34 +264,58 @@ def _become_problem(
     return fields  # type: ignore[return-value]
 
 
-def problem_on_top(
+def assembled(
     matrix: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
-    starts: IntArray,
-    offsets: IntArray,
+    offsets: tuple[IntArray, IntArray],
     names: tuple[str, ...],
     equality: bool,
+    block: tuple[IntArray | None, int] = (None, 0),
 ) -> Problem:
-    """The problem whose hard rows stand on top of its levels' rows, as in `Problem.with_hard`; nothing is checked or copied.
+    """The problem whose hard rows, if any, stand on top of its levels' rows; nothing is checked or copied.
 
     Args:
-        matrix, lower, upper, starts: as of `Problem.with_hard`, writable; level 0, the hard rows, is not empty.
-        offsets: of the levels alone. names: of the levels. equality: whether every row of every level is an equality.
+        matrix, lower, upper: of all rows, writable. offsets: of the levels, and as of `Problem.with_hard`.
+        names: of the levels. equality: whether every row of every level is an equality.
+        block: what `hqp_rp.core.kernels.direct` knows of the problem, and its address, where that is known already.
     """
     fields = _Fields()
     fields.names = names
-    fields._on_top = on_top = int(starts[1])
     rows, fields.n = matrix.shape
-    fields._rows = rows - on_top
+    fields._offsets, starts = offsets
     fields.p = len(names)
     fields.is_equality = equality
-    fields._address = 0
+    fields._block, fields._address = block  # type: ignore[assignment]
     fields._levels = fields._public = None
-    fields._offsets = offsets
-    fields._with_hard = Stacked(matrix, lower, upper, starts)
+    fields._on_top = on_top = int(starts[1])
+    fields._rows = rows - on_top
+    if on_top:
+        fields._with_hard = Stacked(matrix, lower, upper, starts)
+    else:
+        fields.stacked = (matrix, lower, upper, fields._offsets)
+        fields._with_hard = fields.hard = None
     fields.__class__ = Problem
     return fields  # type: ignore[return-value]
+
+
+@functools.cache
+def unknown_block() -> IntArray:
+    """A block of `hqp_rp.core.kernels.direct` for rows that are nobody's problem."""
+    return np.zeros(_direct().SIZE, np.int64)
+
+
+def block_of(offsets: IntArray, on_top: int, n: int) -> IntArray:
+    """A block of `hqp_rp.core.kernels.direct` that knows everything but where the rows are.
+
+    offsets (p + 1,) of the levels must live as long as the block and its copies; on_top hard rows, n unknowns.
+    """
+    direct = _direct()
+    block = np.zeros(direct.SIZE, np.int64)
+    block[direct.OFFSETS] = offsets.__array_interface__["data"][0]
+    block[direct.ROWS], block[direct.UNKNOWNS], block[direct.LEVELS] = offsets[-1], n, len(offsets) - 1
+    block[direct.HARD_ROWS] = on_top
+    return block
 
 
 @functools.cache

@@ -13,7 +13,7 @@ from hqp_rp import ConstantDamping, Level, Problem, ProblemError, get_solver, so
 from hqp_rp.core.kernels import direct, room
 from hqp_rp.core.kernels.cascade import null_space, null_space_room
 from hqp_rp.core.kernels.compile import entry, fixed, kernel
-from hqp_rp.core.problem import problem_on_top
+from hqp_rp.core.problem import assembled
 
 
 def arrays(n: int = 7, rows: tuple[int, ...] = (3, 3), seed: int = 0):
@@ -156,7 +156,7 @@ def on_top() -> tuple[Problem, Problem]:
     rows = np.concatenate((np.eye(7), A))
     low, high = np.concatenate((-box, b)), np.concatenate((box, b))
     starts = np.array([0, *(7 + offsets)])
-    together = problem_on_top(rows, low, high, starts, offsets, ("one", "two", "three"), True)
+    together = assembled(rows, low, high, (offsets, starts), ("one", "two", "three"), True)
     return together, unchecked(A, b, offsets, names=("one", "two", "three"), hard=Level(np.eye(7), -box, box, "limits"))
 
 

@@ -10,7 +10,7 @@ from numba.core import types
 from hqp_rp.core.kernels.active_set import hierarchical_active_set
 from hqp_rp.core.kernels.compile import Compiled, entry, kernel
 from hqp_rp.core.kernels.direct import equalities_of, hard_rows_of, sizes_of, upper_of
-from hqp_rp.core.kernels.room import STACK_NUMBERS, counts_in, matrix_at, matrix_in, numbers_at, stack_numbers
+from hqp_rp.core.kernels.room import STACK_NUMBERS, as_counts, as_matrix, matrix_at, numbers_at, stack_numbers
 
 
 @kernel
@@ -29,7 +29,7 @@ def active_set_of(problem, z, tol, limit, go_on, x, side):
     room = stack_numbers()
     if size > STACK_NUMBERS:
         room = np.empty(size)
-    starts = counts_in(room, 0, p + 2)
+    starts = as_counts(room, p + 2)
     starts[0] = 0
     for k in range(p + 1):
         starts[k + 1] = h + offsets[k]
@@ -38,7 +38,7 @@ def active_set_of(problem, z, tol, limit, go_on, x, side):
     high = numbers_at(hard_upper.ctypes.data if h else upper.ctypes.data, h + M)
     if apart:
         end = p + 2 + (h + M) * n
-        rows = matrix_in(room, p + 2, h + M, n)
+        rows = as_matrix(room[p + 2 :], h + M, n)
         low = room[end : end + h + M]
         high = room[end + h + M : end + 2 * (h + M)]
         for i in range(h):

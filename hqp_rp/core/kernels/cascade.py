@@ -19,7 +19,7 @@ from hqp_rp.core.kernels.orthogonal import (
     turn_back_reflectors,
     turn_forward_by,
 )
-from hqp_rp.core.kernels.room import STACK_NUMBERS, counts_in, matrix_in, numbers_at, stack_numbers
+from hqp_rp.core.kernels.room import STACK_NUMBERS, as_counts, as_matrix, numbers_at, stack_numbers
 
 
 @lean
@@ -93,14 +93,14 @@ def null_space_in(room, A, b, offsets, tol, kind, first, second, x):
     M, n = A.shape
     p = len(offsets) - 1
     N = padded(n)
-    W = matrix_in(room, 0, M, N)
+    W = as_matrix(room, M, N)
     y = room[M * N : M * N + N]
     vectors = room[M * N + N :]
     rhs = vectors[:M]
     t = vectors[M : 2 * M]
     ref_tau = vectors[2 * M : 3 * M]
     scale = vectors[3 * M : 3 * M + p]
-    counts = counts_in(vectors, 3 * M + p, 2 * M + 3 * p + 1)
+    counts = as_counts(vectors[3 * M + p :], 2 * M + 3 * p + 1)
     turns = 5 * M + 4 * p + 1
     if not load(A, b, offsets, W, rhs, scale):
         return False
@@ -134,7 +134,7 @@ def null_space_in(room, A, b, offsets, tol, kind, first, second, x):
             count = start[before + 1] - start[before]
             reflect_rows_by_all(W, r0, r1, W, offsets[before], count, column[before], ref_tau, start[before])
             if turned[before]:
-                V = matrix_in(vectors, turns + before * n * n, n, n)
+                V = as_matrix(vectors[turns + before * n * n :], n, n)
                 for i in range(r0, r1):
                     turn_forward_by(V, turned[before], W[i], column[before])
         for i in range(r0, r1):
@@ -151,13 +151,13 @@ def null_space_in(room, A, b, offsets, tol, kind, first, second, x):
                 y[c0 + j] = right[j]
             c0 += r
             continue
-        V = matrix_in(vectors, turns + k * n * n, n, n)
+        V = as_matrix(vectors[turns + k * n * n :], n, n)
         rank, _ = svd_level(W, n, r0, r1, c0, r1, r, A, r0, r1, scale[k], tol, right, kind, first, second, y, V)
         turned[k] = r
         c0 += rank
     for k in range(levels - 1, -1, -1):
         if turned[k]:
-            turn_back_by(matrix_in(vectors, turns + k * n * n, n, n), turned[k], y, column[k])
+            turn_back_by(as_matrix(vectors[turns + k * n * n :], n, n), turned[k], y, column[k])
         turn_back_reflectors(W, y, start[k], start[k + 1], ref_row, ref_col, ref_tau)
     for j in range(n):
         x[j] += y[j]

@@ -75,20 +75,25 @@ def _describe_hard(matrix, lower, upper, block):
 
 
 @lean
-def _describe_on_top(matrix, lower, upper, offsets, block):
-    rows = offsets[offsets.shape[0] - 1]
-    on_top = matrix.shape[0] - rows
+def rows_at(matrix, lower, upper, block):
+    """Say where rows are whose first `HARD_ROWS` are the hard ones; upper is empty where every row is an equality."""
+    on_top = block[HARD_ROWS]
     block[HARD_MATRIX] = matrix.ctypes.data
     block[HARD_LOWER] = lower.ctypes.data
-    block[HARD_UPPER] = upper.ctypes.data
-    block[HARD_ROWS] = on_top
+    block[HARD_UPPER] = upper.ctypes.data if len(upper) else lower.ctypes.data
     block[MATRIX] = block[HARD_MATRIX] + 8 * matrix.shape[1] * on_top
     block[LOWER] = block[HARD_LOWER] + 8 * on_top
     block[UPPER] = block[HARD_UPPER] + 8 * on_top
+
+
+@lean
+def _describe_on_top(matrix, lower, upper, offsets, block):
     block[OFFSETS] = offsets.ctypes.data
-    block[ROWS] = rows
+    block[ROWS] = offsets[offsets.shape[0] - 1]
     block[UNKNOWNS] = matrix.shape[1]
     block[LEVELS] = offsets.shape[0] - 1
+    block[HARD_ROWS] = matrix.shape[0] - block[ROWS]
+    rows_at(matrix, lower, upper, block)
     return block.ctypes.data
 
 

@@ -18,7 +18,7 @@ from hqp_rp.core.kernels.orthogonal import (
     triangle,
     turn_back_reflectors,
 )
-from hqp_rp.core.kernels.room import counts_in, matrix_in
+from hqp_rp.core.kernels.room import as_counts, as_matrix
 from hqp_rp.core.kernels.vector import copy_scaled_row
 
 UNPROVEN = -1
@@ -79,8 +79,8 @@ def plain_columns(room, A, b, offsets, z, tol, x):
     M, n = A.shape
     p = len(offsets) - 1
     N = padded(n)
-    W0 = matrix_in(room, 0, M, N)
-    W = matrix_in(room, M * N, M, N)
+    W0 = as_matrix(room, M, N)
+    W = as_matrix(room[M * N :], M, N)
     y = room[2 * M * N : (2 * M + 1) * N]
     tall = room[(2 * M + 1) * N :]
     heavy = tall[n * padded(M) : (n + 1) * padded(M)]
@@ -92,7 +92,7 @@ def plain_columns(room, A, b, offsets, z, tol, x):
     moved = vectors[4 * M : 5 * M]
     ref_tau = vectors[5 * M : 6 * M]
     scale = vectors[6 * M : 6 * M + p]
-    counts = counts_in(vectors, 6 * M + p, 3 * M + n)
+    counts = as_counts(vectors[6 * M + p :], 3 * M + n)
     ref_row = counts[:M]
     ref_col = counts[M : 2 * M]
     order = counts[2 * M : 3 * M]
@@ -147,7 +147,7 @@ def plain_columns(room, A, b, offsets, z, tol, x):
                     for i in range(below):
                         moved[i] = weight[m + int(right[m + i])]
                     by_weight(moved, below, order)
-                    T = matrix_in(tall, 0, low, padded(below))
+                    T = as_matrix(tall, low, padded(below))
                     for j in range(low):
                         for i in range(padded(below)):
                             T[j, i] = 0.0

@@ -1,4 +1,4 @@
-"""Where kernels work: arrays at an address, room on the stack, and matrices carved from a block without a call.
+"""Where kernels work: arrays at an address, room on the stack, and views of a block that cost no call.
 
 numba's `reshape` calls a function of its runtime, and `np.empty` one that allocates; on seven unknowns either costs as much as
 a reflection. Nothing here is checked, and nothing is kept alive.
@@ -15,7 +15,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numba.np import arrayobj
 
-from hqp_rp.core.kernels.compile import Compiled, inlined
+from hqp_rp.core.kernels.compile import Compiled
 
 STACK_NUMBERS = 384 if sys.platform == "win32" else 8192
 FEW_NUMBERS = 64
@@ -30,7 +30,9 @@ def _array(context: Any, builder: Any, kind: Any, data: Any, shape: list[Any]) -
     """A C-contiguous array of 8-byte entries that owns nothing."""
     array = arrayobj.make_array(kind)(context, builder)
     eight = ir.Constant(ir.IntType(64), 8)
-    strides = [eight] if len(shape) == 1 else [builder.mul(shape[1], eight), eight]
+    strides = [eight]
+    for length in shape[:0:-1]:
+        strides.insert(0, builder.mul(strides[0], length))
     pointer = builder.bitcast(data, array.data.type)
     arrayobj.populate_array(array, data=pointer, shape=shape, strides=strides, itemsize=eight, meminfo=None)
     return array._getvalue()
@@ -89,13 +91,46 @@ few_numbers = _on_the_stack(FEW_NUMBERS)
 """few_numbers(): the same for `FEW_NUMBERS`."""
 
 
-@inlined
-def matrix_in(room, start, rows, columns):
-    """room[start : start + rows * columns] as a matrix (rows, columns); room is contiguous float64."""
-    return matrix_at(room.ctypes.data + 8 * start, rows, columns)
+@_emitted
+def number_at(_: Any, address: Any) -> Any:
+    """number_at(address): the float64 that lies there."""
+
+    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+        return builder.load(builder.inttoptr(given[0], ir.DoubleType().as_pointer()), align=8)
+
+    return types.float64(types.int64), codegen
 
 
-@inlined
-def counts_in(room, start, count):
-    """room[start : start + count] as int64."""
-    return counts_at(room.ctypes.data + 8 * start, count)
+def _view(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+    source = arrayobj.make_array(sig.args[0])(context, builder, given[0])
+    return _array(context, builder, sig.return_type, source.data, list(given[1:]))
+
+
+@_emitted
+def as_matrix(_: Any, vector: Any, rows: Any, columns: Any) -> Any:
+    """as_matrix(vector, rows, columns): the first entries of a vector of 8-byte numbers, row after row."""
+    return types.Array(vector.dtype, 2, "C")(vector, types.int64, types.int64), _view
+
+
+@_emitted
+def as_stack(_: Any, vector: Any, pages: Any, rows: Any, columns: Any) -> Any:
+    """as_stack(vector, pages, rows, columns): the first entries of a vector of 8-byte numbers, page after page."""
+    return types.Array(vector.dtype, 3, "C")(vector, types.int64, types.int64, types.int64), _view
+
+
+@_emitted
+def as_counts(_: Any, vector: Any, count: Any) -> Any:
+    """as_counts(vector, count): the first entries of a vector as int64."""
+    return types.Array(types.int64, 1, "C")(vector, types.int64), _view
+
+
+@_emitted
+def as_vector(_: Any, matrix: Any) -> Any:
+    """as_vector(matrix): all entries of a C-contiguous matrix; one loop over them vectorizes, two do not."""
+
+    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+        shape = arrayobj.make_array(sig.args[0])(context, builder, given[0]).shape
+        size = builder.mul(builder.extract_value(shape, 0), builder.extract_value(shape, 1))
+        return _view(context, builder, sig, (given[0], size))
+
+    return types.Array(matrix.dtype, 1, "C")(matrix), codegen

@@ -15,20 +15,23 @@ need for themselves.
 from __future__ import annotations
 
 import functools
-from typing import Any
 
 from numba.core import types
 
-from hqp_rp.core.kernels.compile import Compiled, lean
+from hqp_rp.core.kernels.compile import Compiled, entry, lean
+from hqp_rp.core.kernels.direct import rows_at
+from hqp_rp.core.kernels.room import as_matrix, as_stack, number_at
 from hqp_rp.core.kernels.row_kinds import HEADER, PLAN_HEADER
 from hqp_rp.core.kernels.task_rows import task_rows
 from hqp_rp.core.kernels.tree import tree_frames
-from hqp_rp.core.kernels.views import WITHOUT_COMPILER, as_matrix, as_stack, real_at
 
 
 @lean
-def stack_rows(plan, room, dt, plain, matrix, lower, upper):
-    """Fill matrix (M, n), lower and upper (M,) and judge them, as `task_rows`; dt in s, where an item needs it."""
+def stack_rows(plan, room, dt, plain, matrix, lower, upper, block):
+    """Fill matrix (M, n), lower and upper (M,) and judge them, as `task_rows`; dt in s, where an item needs it.
+
+    The block (see `direct`), which knows the rest already, learns where they are. Its address; 0 for rows that are not sound.
+    """
     K, F, n, bodies = plan[0], plan[2], plan[3], plan[9]
     of_items = PLAN_HEADER + K * HEADER
     items = as_matrix(plan[PLAN_HEADER:of_items], K, HEADER)
@@ -47,13 +50,15 @@ def stack_rows(plan, room, dt, plain, matrix, lower, upper):
     nq = plan[6]
     if plan[7] != 0:
         for i in range(nq):
-            values[i] = real_at(plan[7] + 8 * i)
+            values[i] = number_at(plan[7] + 8 * i)
     values[nq] = dt
     if plan[8] != 0:
         tree_frames(plan[plan[8] :], rotations, origins, jacobians, as_matrix(room[at + 36 :], bodies, 4))
-    return task_rows(
+    rows_at(matrix, lower, upper, block)
+    sound = task_rows(
         items, index, numbers, rotations, origins, jacobians, values, plain, matrix, lower, upper, small, product
     )
+    return block.ctypes.data if sound else 0
 
 
 @functools.cache
@@ -61,14 +66,9 @@ def stack_rows_entry() -> Compiled:
     """`stack_rows` without numba's dispatcher, which looks at the type of every argument at every call.
 
     Nothing is checked: plan int64 (P,), room float64 (R,), dt float, plain bool, matrix float64 (M, n), lower and upper float64
-    (M,), all C-contiguous.
+    (M,), block int64 (`direct.SIZE`,), all C-contiguous.
     """
-    if WITHOUT_COMPILER:
-        return stack_rows
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
     plan = types.Array(types.int64, 1, "C")
-    signature = (plan, vector, types.float64, types.boolean, matrix, vector, vector)
-    dispatcher: Any = stack_rows
-    dispatcher.compile(signature)
-    entry: Compiled = dispatcher.overloads[signature].entry_point
-    return entry
+    signature = (plan, vector, types.float64, types.boolean, matrix, vector, vector, plan)
+    return entry(stack_rows, signature)

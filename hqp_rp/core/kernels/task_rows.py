@@ -17,9 +17,9 @@ import numpy as np
 
 from hqp_rp.core.kernels.box_rows import box_limit
 from hqp_rp.core.kernels.compile import inlined, kernel, lean
+from hqp_rp.core.kernels.room import as_matrix, as_vector
 from hqp_rp.core.kernels.rotation import rotation_error, turned
 from hqp_rp.core.kernels.row_kinds import BOX, FRAME, POSTURE, RELATIVE, TWIST
-from hqp_rp.core.kernels.views import as_matrix, as_vector
 
 
 @inlined

@@ -16,8 +16,8 @@ the memory alive.
 from __future__ import annotations
 
 from hqp_rp.core.kernels.compile import lean
+from hqp_rp.core.kernels.room import number_at
 from hqp_rp.core.kernels.row_kinds import BODY_ROW, DOF_ROW, FRAME_ROW, TREE_HEADER
-from hqp_rp.core.kernels.views import real_at
 
 
 @lean
@@ -36,17 +36,17 @@ def tree_frames(tree, rotations, origins, jacobians, room):
         R, p, J = rotations[f], origins[f], jacobians[f]
         for i in range(3):
             for j in range(3):
-                R[i, j] = real_at(rotation + 8 * (3 * i + j))
-            p[i] = real_at(origin + 8 * i)
+                R[i, j] = number_at(rotation + 8 * (3 * i + j))
+            p[i] = number_at(origin + 8 * i)
         for k in range(tree[row + 2], tree[row + 3]):
             column = tree[k]
             dof = tree[1] + column * DOF_ROW
             axis, step, anchor = tree[dof], tree[dof + 1], tree[dof + 2]
-            x, y, z = real_at(axis), real_at(axis + step), real_at(axis + 2 * step)
+            x, y, z = number_at(axis), number_at(axis + step), number_at(axis + 2 * step)
             if tree[dof + 3] == 0:
                 J[0, column], J[1, column], J[2, column] = x, y, z
                 continue
-            u, v, w = p[0] - real_at(anchor), p[1] - real_at(anchor + 8), p[2] - real_at(anchor + 16)
+            u, v, w = p[0] - number_at(anchor), p[1] - number_at(anchor + 8), p[2] - number_at(anchor + 16)
             J[0, column], J[1, column], J[2, column] = y * w - z * v, z * u - x * w, x * v - y * u
             J[3, column], J[4, column], J[5, column] = x, y, z
 
@@ -58,7 +58,7 @@ def center_of_mass(tree, c, J, room):
     With the mass m_j and the centre c_j of all bodies that dof j carries: `J_j = m_j / m a x (c_j - anchor)` if it turns,
     `m_j / m a` if it slides.
     """
-    mass = real_at(tree[4])
+    mass = number_at(tree[4])
     dofs, bodies = tree[1], tree[2]
     for i in range(room.shape[0]):
         for k in range(4):
@@ -67,23 +67,23 @@ def center_of_mass(tree, c, J, room):
     # Leaves first: a body is complete when its parent takes it.
     for i in range(tree[3]):
         row = bodies + i * BODY_ROW
-        body, parent, own, place = tree[row], tree[row + 1], real_at(tree[row + 2]), tree[row + 3]
+        body, parent, own, place = tree[row], tree[row + 1], number_at(tree[row + 2]), tree[row + 3]
         room[body, 3] += own
         room[parent, 3] += room[body, 3]
         for k in range(3):
-            moment = own * real_at(place + 8 * k)
+            moment = own * number_at(place + 8 * k)
             room[body, k] += moment
             room[parent, k] += room[body, k]
             c[k] += moment / mass
     for j in range(J.shape[1]):
         dof = dofs + j * DOF_ROW
         axis, step, anchor, body = tree[dof], tree[dof + 1], tree[dof + 2], tree[dof + 4]
-        x, y, z = real_at(axis) / mass, real_at(axis + step) / mass, real_at(axis + 2 * step) / mass
+        x, y, z = number_at(axis) / mass, number_at(axis + step) / mass, number_at(axis + 2 * step) / mass
         own = room[body, 3]
         if tree[dof + 3] == 0:
             J[0, j], J[1, j], J[2, j] = own * x, own * y, own * z
             continue
-        u = room[body, 0] - own * real_at(anchor)
-        v = room[body, 1] - own * real_at(anchor + 8)
-        w = room[body, 2] - own * real_at(anchor + 16)
+        u = room[body, 0] - own * number_at(anchor)
+        v = room[body, 1] - own * number_at(anchor + 8)
+        w = room[body, 2] - own * number_at(anchor + 16)
         J[0, j], J[1, j], J[2, j] = y * w - z * v, z * u - x * w, x * v - y * u
