@@ -15,13 +15,13 @@ hard rows each by its own, a level as a whole.
 
 from __future__ import annotations
 
-import functools
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hqp_rp.core.problem import FloatArray, Level, Problem
-from hqp_rp.core.qp_backend import INFINITE, Backend, DenseQP, Outcome, QPAnswer, SlackQP
+from hqp_rp.core.qp_backend import INFINITE, NOTHING, Backend, DenseQP, Outcome, QPAnswer, SlackQP, ones
+from hqp_rp.core.qp_equalities import QuickDesk
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.verify import contradiction, fault_of, hard_excess
@@ -29,7 +29,6 @@ from hqp_rp.core.verify import contradiction, fault_of, hard_excess
 HARD = "the hard rows"
 NEAREST = "the distance to the secondary vector"
 NOT_FINITE = "x holds infinite or undefined numbers."
-_NOTHING = np.zeros(0)
 
 
 class _Views(NamedTuple):
@@ -65,6 +64,7 @@ class Desk:
         self._rows = rows
         self._no_hard = _read_only(np.zeros((0, n))), _read_only(np.zeros(0)), _read_only(np.zeros(0))
         self._views: dict[tuple[int, int, int], _Views] = {}
+        self._quick: QuickDesk | None = None
         self.used = False
 
     def solve(
@@ -84,11 +84,19 @@ class Desk:
         numbers[layout.TOLERANCE] = tolerance
         self._start[:] = 0.0 if secondary is None else secondary
         run = _Run(backend)
+        if hard is None and problem.is_equality:
+            if self._quick is None:
+                self._quick = QuickDesk(problem.n, problem.stacked[3])
+            x, run.iterations = self._quick.solve(problem, secondary, backend, tolerance)
+            if x is not None:
+                solution = Solution(problem, x, Status.SOLVED, run.iterations, "", secondary)
+                solution.held = self._quick.held
+                return solution
         top = self._no_hard if hard is None else (hard.A, hard.lower, hard.upper)
         try:
             code, t, m, soft, guessed = kernels.begin(*top, *problem.stacked, numbers, counts)
             while code >= kernels.PLAIN:
-                found = (_NOTHING, _NOTHING)
+                found = (NOTHING, NOTHING)
                 if code == kernels.PLAIN:
                     found = run.answer(self._plain(t), None, None, self._stage, problem)
                 elif code == kernels.ROWS:
@@ -130,8 +138,8 @@ class Desk:
         """min 1/2 ||w||^2 + gradient . w, w (t,)."""
         views = self._views.get((t, 0, 0))
         if views is None:
-            qp = SlackQP(_ones(t), self._qp[t : 2 * t], np.zeros((0, t)), _NOTHING, _NOTHING, 0)
-            views = self._views[t, 0, 0] = _Views(qp, (_NOTHING, _NOTHING), None)
+            qp = SlackQP(ones(t), self._qp[t : 2 * t], np.zeros((0, t)), NOTHING, NOTHING, 0)
+            views = self._views[t, 0, 0] = _Views(qp, (NOTHING, NOTHING), None)
         return views.qp
 
     def _cut(self, t: int, m: int, soft: int) -> _Views:
@@ -169,7 +177,7 @@ class _Run:
                 self.hit_limit |= answer.outcome is Outcome.LIMIT
                 self.remarks.append(f"{name_of(problem)}: {answer.message}")
             if answer.t is None:
-                return _NOTHING, _NOTHING
+                return NOTHING, NOTHING
         assert answer.t is not None
         return answer.t, answer.y
 
@@ -192,8 +200,3 @@ def _conflict(hard: Level, x: FloatArray, tolerance: float) -> str:
 def _read_only(array: FloatArray) -> FloatArray:
     array.flags.writeable = False
     return array
-
-
-@functools.cache
-def _ones(n: int) -> FloatArray:
-    return np.ones(n)
