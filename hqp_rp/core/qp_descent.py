@@ -76,13 +76,8 @@ class Desk:
             problem: of the shape of this desk. secondary: (n,) or None. backend: solves the QPs.
             tolerance: relative, of the verdict. polish: refine each answer on the active rows that the back end found.
         """
-        kernels, layout, numbers, counts = self._kernels, self._layout, self._numbers, self._counts
         self.used = True
         hard = problem.hard
-        counts[layout.DENSE] = backend.wants_dense
-        counts[layout.POLISH] = polish
-        numbers[layout.TOLERANCE] = tolerance
-        self._start[:] = 0.0 if secondary is None else secondary
         run = _Run(backend)
         if hard is None and problem.is_equality:
             if self._quick is None:
@@ -92,6 +87,11 @@ class Desk:
                 solution = Solution(problem, x, Status.SOLVED, run.iterations, "", secondary)
                 solution.held = self._quick.held
                 return solution
+        kernels, layout, numbers, counts = self._kernels, self._layout, self._numbers, self._counts
+        counts[layout.DENSE] = backend.wants_dense
+        counts[layout.POLISH] = polish
+        numbers[layout.TOLERANCE] = tolerance
+        self._start[:] = 0.0 if secondary is None else secondary
         top = self._no_hard if hard is None else (hard.A, hard.lower, hard.upper)
         try:
             code, t, m, soft, guessed = kernels.begin(*top, *problem.stacked, numbers, counts)

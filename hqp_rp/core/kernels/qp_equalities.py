@@ -25,7 +25,7 @@ from hqp_rp.core.kernels.householder import (
     turn_vector,
 )
 from hqp_rp.core.kernels.orthogonal import EPS, load, triangle, turn_back_reflectors, turn_forward
-from hqp_rp.core.kernels.vector import dot_row
+from hqp_rp.core.kernels.vector import dot_row, sum_of_squares
 
 PROVEN = 0  # done: x is proven optimal
 OPEN = -1  # a rank, an answer or the optimum is not proven here
@@ -40,12 +40,13 @@ SIZES = 4
 class Room(NamedTuple):
     """Views of the two flat arrays that are kept between problems of one shape; vectors of unknowns are padded.
 
-    W (M, N): rows, turned. T: flat, a transposed tall L (r, padded m). start, x, y, u, turned, gap, g: (N,). right: (padded M,), a
-    level's right-hand side. order, tau (M,): the order of rows and the reflectors' factors. scale, norm, target (p,): of each
+    A, W (M, N): rows, scaled by powers of two, and the same turned. T: flat, a transposed tall L (r, padded m). start, x, y, u, turned, gap, g: (N,). right: (padded M,), a
+    level's right-hand side. rhs, order, tau (M,): the order of rows and the reflectors' factors. scale, norm, target (p,): of each
     level the power of two, ||A_k||_F and ||b_k||, both scaled. row, column (M,): where reflectors are. first, free (p + 1,):
     of level k the first reflector and the first free column before it. pivot (n,): the order of a tall L's columns.
     """
 
+    A: np.ndarray
     W: np.ndarray
     T: np.ndarray
     start: np.ndarray
@@ -77,13 +78,15 @@ def room_of(numbers, counts):
     p = counts[P]
     wide = padded(n)
     tall = padded(M_)
-    v = SCALARS + M_ * wide + n * tall
+    a = SCALARS + M_ * wide
+    v = a + M_ * wide + n * tall
     s = v + 7 * wide + tall
     e = s + 3 * M_
     c = SIZES + 2 * M_
     return Room(
-        numbers[SCALARS : SCALARS + M_ * wide].reshape((M_, wide)),
-        numbers[SCALARS + M_ * wide : v],
+        numbers[SCALARS:a].reshape((M_, wide)),
+        numbers[a : a + M_ * wide].reshape((M_, wide)),
+        numbers[a + M_ * wide : v],
         numbers[v : v + wide],
         numbers[v + wide : v + 2 * wide],
         numbers[v + 2 * wide : v + 3 * wide],
@@ -109,7 +112,7 @@ def room_of(numbers, counts):
 def room_size(n: int, M: int, p: int) -> tuple[int, int]:
     """(length of `numbers`, of `counts`) for n unknowns, M rows and p levels."""
     wide, tall = -(-n // 8) * 8, -(-M // 8) * 8
-    return SCALARS + M * wide + n * tall + 7 * wide + tall + 3 * M + 3 * p, SIZES + 2 * M + 2 * (p + 1) + n
+    return SCALARS + 2 * M * wide + n * tall + 7 * wide + tall + 3 * M + 3 * p, SIZES + 2 * M + 2 * (p + 1) + n
 
 
 @lean
@@ -149,7 +152,7 @@ def go_on(matrix, rhs, offsets, numbers, counts, w):
                 return r
             if not size == 0.0:
                 return OPEN
-    return PROVEN if proven_by(matrix, rhs, offsets, room, numbers[TOLERANCE]) else OPEN
+    return PROVEN if proven_by(counts[N], rhs, offsets, room, numbers[TOLERANCE]) else OPEN
 
 
 @lean
@@ -166,7 +169,8 @@ def take_up(matrix, rhs, offsets, room):
         target = 0.0
         for i in range(offsets[k], offsets[k + 1]):
             for j in range(room.W.shape[1]):
-                square += room.W[i, j] * room.W[i, j]
+                room.A[i, j] = room.W[i, j]
+            square += sum_of_squares(room.W, i, 0)
             target += room.rhs[i] * room.rhs[i]
             room.rhs[i] -= dot_row(room.W, i, room.start, 0)
             room.order[i] = i
@@ -262,9 +266,8 @@ def answered(room, r0, r1, c0, size, eps, w):
 
 
 @lean
-def proven_by(matrix, rhs, offsets, room, tolerance):
+def proven_by(n, rhs, offsets, room, tolerance):
     """x <- start + Q y, and whether x is proven optimal to the relative `tolerance` (`verify` has the excess of a level)."""
-    n = matrix.shape[1]
     p = len(offsets) - 1
     count = room.first[p]
     for j in range(len(room.x)):
@@ -272,9 +275,11 @@ def proven_by(matrix, rhs, offsets, room, tolerance):
         room.turned[j] = room.u[j]
     turn_back_reflectors(room.W, room.x, 0, count, room.row, room.column, room.tau)
     turn_back_reflectors(room.W, room.turned, 0, count, room.row, room.column, room.tau)
+    head = room.g
     for j in range(len(room.x)):
         room.x[j] += room.start[j]
         room.gap[j] = room.x[j] - room.start[j]
+        head[j] = 0.0
     x_size = length_of(room.x)
     u_size = length_of(room.u)
     if not x_size < 1e150 or not abs(length_of(room.turned) - u_size) <= (128.0 + 8.0 * n) * EPS * u_size:
@@ -288,17 +293,11 @@ def proven_by(matrix, rhs, offsets, room, tolerance):
         square = 0.0
         for i in range(m):
             row = int(room.order[r0 + i])
-            value = 0.0
-            turned = 0.0
-            for j in range(n):
-                value += matrix[row, j] * room.x[j]
-                turned += matrix[row, j] * room.turned[j]
-            factor = 0.0
-            for j in range(c0 + min(i + 1, r)):
-                factor += room.W[r0 + i, j] * room.u[j]
-            if not abs(turned * room.scale[k] - factor) <= allowed:
+            if i < r:
+                head[c0 + i] = room.u[c0 + i]  # what stands behind the diagonal of L is the reflector
+            if not abs(dot_row(room.A, row, room.turned, 0) - dot_row(room.W, r0 + i, head, 0)) <= allowed:
                 return False
-            room.right[i] = (value - rhs[row]) * room.scale[k]
+            room.right[i] = dot_row(room.A, row, room.x, 0) - rhs[row] * room.scale[k]
             square += room.right[i] * room.right[i]
         level_size = room.target[k]
         if m > 0:
