@@ -53,15 +53,14 @@ class Desk:
         p = len(offsets) - 1
         rows = hard + int(offsets[-1])
         layout: Any = qp_desk
-        numbers, counts = layout.desk_size(n, rows, p)
-        self._numbers, self._counts = np.empty(numbers), np.zeros(counts, np.int64)
+        *_, numbers, _, counts = layout.desk_parts.py_func(n, rows, p)
+        self._numbers, self._counts = np.zeros(numbers), np.zeros(counts, np.int64)
         self._counts[layout.N], self._counts[layout.M], self._counts[layout.P] = n, rows, p
         self._numbers[layout.RANK_TOLERANCE] = RANK_TOLERANCE
         self._numbers[layout.INFINITE] = INFINITE
         desk = layout.desk_of.py_func(self._numbers, self._counts)  # as it stands: compiled code has it inlined
-        desk.eye[:] = np.eye(n)
-        self._x, self._start, self._least, self._side, self._qp = desk.x, desk.start, desk.least, desk.side, desk.qp
-        self._rows = rows
+        self._x, self._start, self._least = desk.x[:n], desk.start[:n], desk.least[:n]
+        self._side, self._qp = desk.side, desk.qp
         self._no_hard = _read_only(np.zeros((0, n))), _read_only(np.zeros(0)), _read_only(np.zeros(0))
         self._views: dict[tuple[int, int, int], _Views] = {}
         self._quick: QuickDesk | None = None
@@ -94,7 +93,8 @@ class Desk:
         self._start[:] = 0.0 if secondary is None else secondary
         top = self._no_hard if hard is None else (hard.A, hard.lower, hard.upper)
         try:
-            code, t, m, soft, guessed = kernels.begin(*top, *problem.stacked, numbers, counts)
+            kernels.begin(*top, *problem.stacked, numbers, counts)
+            code, t, m, soft, guessed = kernels.resume(numbers, counts, NOTHING, NOTHING)
             while code >= kernels.PLAIN:
                 found = (NOTHING, NOTHING)
                 if code == kernels.PLAIN:
@@ -107,7 +107,7 @@ class Desk:
                 code, t, m, soft, guessed = kernels.resume(numbers, counts, *found)
             if code == kernels.PROVEN:
                 solution = Solution(problem, self._x.copy(), Status.SOLVED, run.iterations, "", secondary)
-                solution.held = self._side[: self._rows].astype(np.int8)
+                solution.held = self._side.astype(np.int8)
                 return solution
             if code == kernels.UNPROVEN:
                 return self._judged(problem, secondary, tolerance, run)
@@ -126,7 +126,7 @@ class Desk:
             status = Status.ITERATION_LIMIT if run.hit_limit else Status.INACCURATE
             fault = " ".join([fault, *(f"{remark}." for remark in run.remarks)])
         solution = Solution(problem, x, status, run.iterations, fault, secondary)
-        solution.held = self._side[: self._rows].astype(np.int8)
+        solution.held = self._side.astype(np.int8)
         return solution
 
     def _stage(self, problem: Problem) -> str:

@@ -16,15 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, lean
-from hqp_rp.core.kernels.householder import (
-    householder,
-    longest_row,
-    padded,
-    reflect_rows,
-    swap_any_rows,
-    turn_vector,
-)
+from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import EPS, load, triangle, turn_back_reflectors, turn_forward
+from hqp_rp.core.kernels.qp_tall import lay_down
 from hqp_rp.core.kernels.vector import dot_row, sum_of_squares
 
 PROVEN = 0  # done: x is proven optimal
@@ -196,7 +190,7 @@ def missing(room, r0, r1, c0, r, norm, target):
         # y is zero from c0 on, so that what stands there (L, reflectors) does not count.
         room.right[i] = room.rhs[int(room.order[r0 + i])] - dot_row(room.W, r0 + i, room.y, 0)
     if r < m:
-        lay_down(room, r0, r1, c0, r)
+        lay_down(room.W, r0, r1, c0, r, room.T, room.right, room.pivot)
     largest = 0.0
     s = 0.0
     for j in range(r):
@@ -210,32 +204,6 @@ def missing(room, r0, r1, c0, r, norm, target):
     for j in range(r):
         room.g[j] = room.right[j] / -size
     return size
-
-
-@lean
-def lay_down(room, r0, r1, c0, r):
-    """T <- L^T, factored by Householder's reflectors with column pivoting, L = Q_L R; right <- Q_L^T right."""
-    m = r1 - r0
-    wide = padded(m)
-    T = room.T[: r * wide].reshape((r, wide))
-    for i in range(m, wide):
-        room.right[i] = 0.0
-    for j in range(r):
-        room.pivot[j] = j
-        for i in range(wide):
-            T[j, i] = room.W[r0 + i, c0 + j] if j <= i < m else 0.0
-    for j in range(r):
-        best, longest = longest_row(T, j, r, j)
-        if best != j:
-            swap_any_rows(T, j, best)
-            other = room.pivot[j]
-            room.pivot[j] = room.pivot[best]
-            room.pivot[best] = other
-        norm = math.sqrt(longest)
-        if norm > 0.0:
-            tau = householder(T, j, j, norm)
-            reflect_rows(T, j + 1, r, T, j, j, tau)
-            turn_vector(room.right, T, j, j, tau)
 
 
 @lean
@@ -305,7 +273,7 @@ def proven_by(n, rhs, offsets, room, tolerance):
         if math.sqrt(square) <= tolerance * level_size:
             continue
         if 0 < r < m:
-            lay_down(room, r0, r0 + m, c0, r)
+            lay_down(room.W, r0, r0 + m, c0, r, room.T, room.right, room.pivot)
             square = 0.0
             for j in range(r):
                 square += room.right[j] * room.right[j]

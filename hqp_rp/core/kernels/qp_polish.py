@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import lower_block, lq, tall_least_squares, turn_back_reflectors, turn_forward
 
 ACTIVE = 1e-7  # Multipliers and violations of a scaled QP above this count as nonzero at first.
@@ -45,9 +46,9 @@ def active_answer(M, target, G, bound, t, multipliers):
     nt = len(t)
     a = len(G)
     m = len(M)
-    work = np.empty((a + m, nt))
-    work[:a] = G
-    work[a:] = M
+    work = np.zeros((a + m, padded(nt)))
+    work[:a, :nt] = G
+    work[a:, :nt] = M
     order = np.arange(a + m) * 1.0
     ref_row = np.empty(a + m, np.int64)
     ref_col = np.empty(a + m, np.int64)
@@ -62,7 +63,7 @@ def active_answer(M, target, G, bound, t, multipliers):
     L = lower_block(work, a, a + m, rW, r)
     new = t.copy()
     for _ in range(2):  # The second pass refines what the factorization lost.
-        step = np.zeros(nt)
+        step = np.zeros(work.shape[1])
         for i in range(rW):
             row = int(order[i])
             s = bound[row]
@@ -84,10 +85,10 @@ def active_answer(M, target, G, bound, t, multipliers):
             tall_least_squares(L.copy(), residual)
             step[rW : rW + r] = residual[:r]
         turn_back_reflectors(work, step, 0, rW + r, ref_row, ref_col, ref_tau)
-        new += step
+        new += step[:nt]
     multipliers[:] = 0.0
     if rW:
-        gradient = np.zeros(nt)
+        gradient = np.zeros(work.shape[1])
         for i in range(m):
             s = -target[i]
             for j in range(nt):
@@ -240,3 +241,9 @@ def polish(hessian, gradient, rows, lower, upper, soft, t, y):
             following[wrong_hard] = 0
         side = following
     return t, y
+
+
+@kernel
+def polish_in_place(hessian, gradient, rows, lower, upper, soft, t, y):
+    """(t, y) <- `polish`."""
+    t[:], y[:] = polish(hessian, gradient, rows, lower, upper, soft, t, y)

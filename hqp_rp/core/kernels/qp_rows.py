@@ -1,7 +1,8 @@
-"""One level of a QP cascade with two-sided rows or rows kept from before: the small QP, and what is kept afterwards.
+"""One stage of a QP cascade: its small QP in the free directions, and what is kept and what leaves afterwards.
 
-Z (n, d) is an orthonormal basis of the directions that finished levels leave free. Kept rows are satisfied rows of finished
-levels, of length one. A level's rows come scaled by powers of two (`scaled_rows`).
+`Desk.turned` holds Q (n, n) orthogonal; its columns from `taken` on are the directions that finished stages leave free. A
+stage's equalities are factored there, `A_E Q = L [Q'; 0]`, Q is turned by Q', and w = B z are the QP's coordinates for the
+first `rank` free columns, B being L, the triangle of a tall L, or its singular values (`hqp_rp.core.qp_descent` has the QP).
 """
 
 from __future__ import annotations
@@ -10,312 +11,487 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.kernels.blocked import turned_rows
-from hqp_rp.core.kernels.compile import kernel
-from hqp_rp.core.kernels.orthogonal import EPS, frobenius, inverse_norm, lq
-from hqp_rp.core.kernels.qp import by_svd, factored, power_of_two, taken_from
+from hqp_rp.core.kernels.compile import inlined, kernel, lean
+from hqp_rp.core.kernels.householder import reflect_rows_by_all
+from hqp_rp.core.kernels.orthogonal import EPS, frobenius, inverse_norm, lower_block, lq, spectral, triangle
+from hqp_rp.core.kernels.qp_desk import (
+    DENSE,
+    INFINITE,
+    KEPT,
+    QP_ROWS,
+    RANK,
+    RANK_TOLERANCE,
+    SIZE,
+    SOFT,
+    SQUARE,
+    STAGE,
+    TAKEN,
+    M,
+    N,
+    P,
+    T,
+    desk_of,
+    qp_parts,
+)
+from hqp_rp.core.kernels.qp_slacks import fill_slacks
+from hqp_rp.core.kernels.qp_tall import lay_down
+from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
 
 FLAT = 1e-3  # Singular values are preconditioned away down to this fraction of the largest one.
 STRONG = 1e-6  # A row whose scaled multiplier or violation exceeds this stays where it is at later levels.
 GONE = 1e-10  # A kept row with no more than this left in the free directions is rounding noise.
-CLEAR = 1e-6  # Pivots of a Gram matrix above this show full rank without a factorization of the rows.
+
+
+@inlined
+def length_of(v):
+    """||v||."""
+    s = 0.0
+    for value in v:
+        s += value * value
+    return math.sqrt(s)
+
+
+@inlined
+def power_of_two(largest):
+    """The power of two above `largest`; 0 for 0."""
+    return math.ldexp(1.0, math.frexp(largest)[1]) if 0.0 < largest < np.inf else 0.0
+
+
+@lean
+def scale_rows(desk, r0, r1, row_by_row):
+    """Rows r0:r1 times powers of two that bring the largest entry (of each row) into [1/2, 1); False on overflow."""
+    n = desk.raw.shape[1]
+    fits = True
+    whole = 0.0
+    for i in range(r0, r1):
+        for j in range(n):
+            whole = max(whole, abs(desk.raw[i, j]))
+    for i in range(r0, r1):
+        big = whole
+        if row_by_row:
+            big = 0.0
+            for j in range(n):
+                big = max(big, abs(desk.raw[i, j]))
+        e = -math.frexp(big)[1] if big > 0.0 else 0
+        half = math.ldexp(1.0, e // 2)  # the whole power may overflow
+        rest = math.ldexp(1.0, e - e // 2)
+        for j in range(n):
+            desk.A[i, j] = desk.raw[i, j] * half * rest
+        desk.low[i] = desk.lower[i] * half * rest
+        desk.up[i] = desk.upper[i] * half * rest
+        if desk.low[i] == np.inf or desk.up[i] == -np.inf:
+            fits = False
+    return fits
+
+
+@inlined
+def times_Q(row, desk, out):
+    """out (N,) <- row Q."""
+    for j in range(len(out)):
+        out[j] = 0.0
+    for i in range(desk.raw.shape[1]):
+        if row[i] != 0.0:
+            add_multiple(out, desk.turned, i, row[i])
 
 
 @kernel
-def full_rank(rows):
-    """Whether the columns of `rows`, (m, d) of length one or less, are shown to be independent: sufficient, not necessary."""
-    m, d = rows.shape
-    if m < d:
-        return False
-    G = np.dot(np.ascontiguousarray(rows.T), rows)
-    for j in range(d):
-        s = G[j, j]
-        for q in range(j):
-            s -= G[j, q] * G[j, q]
-        if not s > CLEAR:
-            return False
-        s = math.sqrt(s)
-        G[j, j] = s
-        for i in range(j + 1, d):
-            t = G[i, j]
-            for q in range(j):
-                t -= G[i, q] * G[j, q]
-            G[i, j] = t / s
-    return True
+def by_singular_values(desk_work, m, c0, r, zero, residual, turned, rows, S, c):
+    """L (m, r) = U S V^T of what `lq` left in `desk_work`: S (r,), c = U^T residual; `rows` rows of `turned` turned by V.
 
-
-@kernel
-def directions_felt(probe, Z0):
-    """Basis (n, f) of the directions of Z0 that some row, `probe` (count, d0) in these directions, feels.
-
-    Rows are of length one before they are put into these directions. Along the others the QP would be free to run away.
+    Returns how many singular values exceed `zero`.
     """
-    count, d0 = probe.shape
-    if d0 == 0 or full_rank(probe):
-        return Z0
-    ref = np.empty(count, np.int64)
-    tau = np.empty(count)
-    r = lq(probe, 0, count, 0, count, np.zeros(count), GONE, 0, ref, np.empty(count, np.int64), tau)
-    if r == d0:
-        return Z0
-    return turned_rows(Z0, probe, r, tau, np.empty((0, 0)))[:, :r].copy()
+    U, s, Vt = np.linalg.svd(lower_block(desk_work, 0, m, c0, r), False)
+    rank = 0
+    while rank < r and s[rank] > zero:
+        rank += 1
+    for j in range(r):
+        S[j] = s[j]
+        c[j] = 0.0
+        for i in range(m):
+            c[j] += U[i, j] * residual[i]
+    turned[:rows, c0 : c0 + r] = np.dot(np.ascontiguousarray(turned[:rows, c0 : c0 + r]), np.ascontiguousarray(Vt.T))
+    return rank
 
 
-@kernel
-def level_with_rows(
-    A, lower, upper, Z, x, kept, kept_lower, kept_upper, identity, tol, guess_x, guess_y, ids, kept_ids
-):
-    """The QP of a level in coordinates t = (w, u), x-step = T t (`hqp_rp.core.qp_descent` has the formula).
-
-    identity: A is the identity. guess_x (n,), guess_y (all rows,): an earlier answer, or empty. ids, kept_ids: row numbers
-    into guess_y. Returns (size, T (n, t), Z0 (n, d0), hessian, gradient, rows, low, up, lengths, S, guess t, guess y);
-    gradient, low and up are divided by size, which is 0 where nothing is left to do. S: the two-sided rows.
-    """
-    m, n = A.shape
-    d = Z.shape[1]
-    E_index = np.empty(m, np.int64)
-    S_index = np.empty(m, np.int64)
+@lean
+def sort_rows(desk, r0, r1, last):
+    """Fill E and S with the stage's equalities and two-sided rows; (how many of each, whether x meets them all)."""
     mE = 0
     mS = 0
-    for i in range(m):
-        if lower[i] == upper[i]:
-            E_index[mE] = i
+    for i in range(r0, r1):
+        if desk.low[i] == desk.up[i]:
+            desk.E[mE] = i
             mE += 1
-        elif lower[i] > -np.inf or upper[i] < np.inf:
-            S_index[mS] = i
+        elif desk.low[i] > -np.inf or desk.up[i] < np.inf:
+            desk.S[mS] = i
             mS += 1
-    S = S_index[:mS].copy()
-    K = len(kept)
-    count = mS + K
-    met = mE == 0
+    met = mE == 0 and not last
     for i in range(mS):
         if met:
-            value = 0.0
-            for j in range(n):
-                value += A[S[i], j] * x[j]
-            met = lower[S[i]] <= value <= upper[S[i]]
-    if met:  # a level of rows that x meets: nothing to solve
-        none = np.empty(0)
-        empty = np.empty((0, 0))
-        return 0.0, np.empty((n, 0)), Z, none, none, empty, none, none, none, S, none, none
-    rows_x = np.empty((count, n))
-    row_size = np.ones(count)
-    lengths = np.ones(count)
-    for i in range(mS):
-        rows_x[i] = A[S[i]]
-        s = math.sqrt(np.sum(rows_x[i] ** 2))
-        if s > 0.0:
-            row_size[i] = s
-    rows_x[mS:] = kept
-    rank = 0
-    sharp = np.empty(0)  # curvature of w
-    noise = 0.0
-    c = np.empty(0)
-    W = np.empty((n, 0))
-    ZQ = Z
-    back = np.empty((0, 0))  # w = back (z in ZQ)
-    if identity:  # A Z is orthonormal as it is
-        rank = d
-        c = np.dot(lower - x, Z)
-        sharp = np.ones(d)
-        W = Z
-        back = np.eye(d)
-        noise = 8.0 * EPS * (math.sqrt(np.sum(lower * lower)) + math.sqrt(np.sum(x * x)))
-    elif mE and d:
-        E = np.empty((mE, n))
-        b = np.empty(mE)
-        for i in range(mE):
-            E[i] = A[E_index[i]]
-            b[i] = lower[E_index[i]]
-        res = b - np.dot(E, x)
-        noise = 8.0 * EPS * (math.sqrt(np.sum(b * b)) + frobenius(E, 0, mE) * math.sqrt(np.sum(x * x)))
-        c, back, Sigma, ZQ = factored(E, res, Z, A, tol)
-        rank = len(c)
-        if rank and len(Sigma) == 0 and inverse_norm(back, 0, 0, rank) * frobenius(back, 0, rank) * FLAT > 1.0:
-            c, back, Sigma = by_svd(c, back, ZQ)
-        W = ZQ[:, :rank].copy()
-        sharp = np.ones(rank)
-        if len(Sigma):
-            for j in range(rank):
-                scale = max(Sigma[j], FLAT * Sigma[0])
-                sharp[j] = Sigma[j] / scale
-                back[j, j] = scale
-                W[:, j] /= scale
-        else:
-            over_triangle(W, back)
-    Z0 = ZQ[:, rank:].copy()
-    T = np.empty((n, d))
-    T[:, :rank] = W
-    T[:, rank:] = Z0
-    rows = np.dot(rows_x, T)
-    probe = rows[:, rank:].copy()
-    for i in range(mS):
-        probe[i] /= row_size[i]
-    felt = directions_felt(probe, Z0)
-    t = rank + felt.shape[1]
-    if t < d:
-        T = np.concatenate((W, felt), 1)
-        rows = np.dot(rows_x, T)
-    low = np.empty(count)
-    up = np.empty(count)
-    hessian = np.zeros(t)
-    gradient = np.zeros(t)
-    for j in range(rank):
-        hessian[j] = sharp[j] * sharp[j]
-        gradient[j] = -sharp[j] * c[j]
-    within = np.dot(rows_x[:mS], Z)
-    largest = 0.0
-    if math.sqrt(np.sum(c * c)) > noise:
-        for j in range(rank):
-            largest = max(largest, abs(c[j]))
-    for i in range(count):
-        value = 0.0
-        for j in range(n):
-            value += rows_x[i, j] * x[j]
-        s = 0.0
-        if i < mS:
-            for j in range(d):
-                s += within[i, j] ** 2
-            if math.sqrt(s) <= tol * row_size[i]:  # earlier levels have used it up: nothing here may follow it
-                rows[i] = 0.0
-            low[i] = lower[S[i]] - value
-            up[i] = upper[S[i]] - value
-            largest = max(largest, low[i], -up[i])
-        else:
-            for j in range(t):
-                s += rows[i, j] ** 2
-            s = math.sqrt(s)
-            lengths[i] = s
-            if s > 0.0:
-                rows[i] /= s
-            else:
-                s = 1.0
-            # The start is feasible by construction: a bound passed by rounding moves to where the point is.
-            low[i] = min(kept_lower[i - mS] - value, 0.0) / s
-            up[i] = max(kept_upper[i - mS] - value, 0.0) / s
-    size = power_of_two(largest)
-    guess_t = np.empty(0)
-    y = np.empty(0)
-    if size > 0.0:
-        gradient /= size
-        low /= size
-        up /= size
-        if len(guess_x):
-            guess_t = np.empty(t)
-            away = (guess_x - x) / size
-            guess_t[:rank] = np.dot(back, np.dot(away, ZQ)[:rank])
-            guess_t[rank:] = np.dot(away, felt)
-            y = np.empty(count)
-            for i in range(mS):
-                y[i] = guess_y[ids[S[i]]] / size
-            for i in range(K):
-                y[mS + i] = guess_y[kept_ids[i]] * lengths[mS + i] / size
-            if not math.isfinite(np.sum(guess_t) + np.sum(y)):
-                guess_t = np.empty(0)
-    return size, T, Z0, hessian, gradient, rows, low, up, lengths, S, guess_t, y
+            value = dot_row(desk.A, desk.S[i], desk.x, 0)
+            met = desk.low[desk.S[i]] <= value <= desk.up[desk.S[i]]
+    return mE, mS, met
 
 
-@kernel
-def over_triangle(rows, L):
-    """rows <- rows L^-1, L lower triangular."""
-    r = len(L)
-    for i in range(len(rows)):
-        for j in range(r - 1, -1, -1):
-            s = rows[i, j] / L[j, j]
-            rows[i, j] = s
-            for k in range(j):
-                rows[i, k] -= s * L[j, k]
+@lean
+def factor_equalities(desk, mE, rows, c0, r0, r1, tol, sharpest):
+    """Factor the stage's equalities, turn `rows` rows, and fill B, c, sharp; returns the rank.
 
-
-@kernel
-def finish_with_rows(A, lower, upper, ids, S, T, Z0, t, y, size, x, kept, kept_lower, kept_upper, kept_ids, tol, side):
-    """x += T t size (in place); eliminate what must stay where it is, keep satisfied rows.
-
-    side, by row number: written for rows that now leave, +1 at their upper bound, -1 at their lower one.
-    Returns (Z, kept, kept_lower, kept_upper, kept_ids); a kept row is never tighter than the point reached.
+    sharpest: singular values are preconditioned away down to this fraction of the largest one.
     """
-    n = len(x)
-    if size > 0.0:
-        for i in range(n):
-            s = 0.0
-            for j in range(len(t)):
-                s += T[i, j] * t[j]
-            x[i] += s * size
-    mS = len(S)
-    K = len(kept)
-    fixed = np.zeros(mS, np.bool_)
-    value = np.zeros(mS + K)
-    F = 0
-    H = 0
+    for i in range(mE):
+        times_Q(desk.A[desk.E[i]], desk, desk.work[i])
+        desk.order[i] = i
+    norm = frobenius(desk.A, r0, r1)
+    r, proven = triangle(desk.work, 0, mE, c0, mE, desk.order, norm, tol, 0, desk.row, desk.column, desk.tau)
+    for i in range(mE):
+        e = desk.E[int(desk.order[i])]
+        desk.residual[i] = desk.low[e] - dot_row(desk.A, e, desk.x, 0)
+        desk.right[i] = desk.residual[i]
+    if r == 0:
+        return 0
+    reflect_rows_by_all(desk.turned, 0, rows, desk.work, 0, r, c0, desk.tau, 0)
+    zero = 0.0
+    if not proven:
+        zero = tol * spectral(desk.A, r0, r1)
+    elif r == mE:
+        for i in range(r):
+            for j in range(i + 1):
+                desk.B[i, j] = desk.work[i, c0 + j]
+            desk.c[i] = desk.right[i]
+    else:
+        lay_down(desk.work, 0, mE, c0, r, desk.tall, desk.right, desk.pivot)
+        tall_to_lower(desk, mE, c0, r, rows)
+    for j in range(r):
+        desk.sharp[j] = 1.0
+    if proven and (sharpest == 0.0 or inverse_norm(desk.B, 0, 0, r) * triangle_norm(desk.B, r) * sharpest <= 1.0):
+        return r
+    rank = by_singular_values(desk.work, mE, c0, r, zero, desk.residual, desk.turned, rows, desk.sharp, desk.c)
+    largest = desk.sharp[0]
+    for i in range(rank):
+        for j in range(i):
+            desk.B[i, j] = 0.0
+        desk.B[i, i] = max(desk.sharp[i], sharpest * largest)
+        desk.sharp[i] /= desk.B[i, i]
+    return rank
+
+
+@lean
+def triangle_norm(B, r):
+    """Frobenius norm of a lower triangle."""
+    s = 0.0
+    for i in range(r):
+        for j in range(i + 1):
+            s += B[i, j] * B[i, j]
+    return math.sqrt(s)
+
+
+@lean
+def tall_to_lower(desk, m, c0, r, rows):
+    """B, lower triangular, from the R of `lay_down`: w and z in reverse order, and the columns of `turned` as pivoted."""
+    wide = (m + 7) // 8 * 8
+    L = desk.tall[: r * wide].reshape((r, wide))
+    for i in range(r):
+        desk.c[i] = desk.right[r - 1 - i]
+        for j in range(i + 1):
+            desk.B[i, j] = L[r - 1 - j, r - 1 - i]
+    for i in range(rows):
+        for j in range(r):
+            desk.z[j] = desk.turned[i, c0 + desk.pivot[r - 1 - j]]
+        for j in range(r):
+            desk.turned[i, c0 + j] = desk.z[j]
+
+
+@lean
+def keep_felt(desk, count, mS, K, c0):
+    """Turn the free columns from c0 on so that some row feels the first f of them, and none the others; returns f.
+
+    Rows are measured at length one. Along columns that no row feels the QP would be free to run away.
+    """
+    n = desk.raw.shape[1]
+    d = n - c0
+    if d == 0 or count == 0:
+        return 0
+    for i in range(count):
+        source = n + K + i if i < mS else n + i - mS
+        length = 1.0
+        if i < mS:
+            length = math.sqrt(sum_of_squares(desk.A, desk.S[i], 0))
+            if length == 0.0:
+                length = 1.0
+        for j in range(c0 // 8 * 8, desk.work.shape[1]):
+            desk.work[i, j] = desk.turned[source, j] / length
+    f = lq(desk.work, 0, count, c0, count, desk.order, GONE, 0, desk.row, desk.column, desk.tau)
+    if f < d:
+        reflect_rows_by_all(desk.turned, 0, n + K + mS, desk.work, 0, f, c0, desk.tau, 0)
+    return f
+
+
+@lean
+def over_triangle(rows, i, B, r):
+    """rows[i, :r] <- rows[i, :r] B^-1."""
+    for j in range(r - 1, -1, -1):
+        s = rows[i, j] / B[j, j]
+        rows[i, j] = s
+        for k in range(j):
+            rows[i, k] -= s * B[j, k]
+
+
+@lean
+def stage_qp(numbers, counts):
+    """Put the QP of the stage on the desk, with SIZE, T, RANK, SOFT and QP_ROWS; SIZE 0: nothing is left to do.
+
+    Returns whether there is a guess.
+    """
+    desk = desk_of(numbers, counts)
+    n = counts[N]
+    k = counts[STAGE]
+    last = k == counts[P] + 1
+    r0 = desk.offsets[k] if not last else counts[M]
+    r1 = desk.offsets[k + 1] if not last else counts[M]
+    K = counts[KEPT]
+    c0 = counts[TAKEN]
+    mE, mS, met = sort_rows(desk, r0, r1, last)
+    count = mS + K
+    numbers[SIZE] = 0.0
+    counts[SOFT] = mS
+    counts[QP_ROWS] = count
+    counts[T] = 0
+    counts[RANK] = 0
+    counts[SQUARE] = not last
     for i in range(mS):
-        row = S[i]
-        for j in range(n):
-            value[i] += A[row, j] * x[j]
-        beyond = max(lower[row] - value[i], value[i] - upper[row])
-        if size > 0.0 and beyond > STRONG * size:
-            fixed[i] = True
-            side[ids[row]] = 1 if value[i] > upper[row] else -1
-            F += 1
-    held = np.zeros(K, np.bool_)
+        times_Q(desk.A[desk.S[i]], desk, desk.turned[n + K + i])
+    if met:
+        return False
+    noise = 0.0
+    rank = 0
+    if last:  # A Q is orthonormal as it is
+        rank = n - c0
+        for j in range(len(desk.z)):
+            desk.z[j] = 0.0
+        for i in range(n):
+            add_multiple(desk.z, desk.turned, i, desk.start[i] - desk.x[i])
+        for j in range(rank):
+            desk.c[j] = desk.z[c0 + j]
+            desk.sharp[j] = 1.0
+        noise = 8.0 * EPS * (length_of(desk.start) + length_of(desk.x))
+    elif mE > 0:
+        rank = factor_equalities(
+            desk, mE, n + count, c0, r0, r1, numbers[RANK_TOLERANCE], FLAT if count > 0 else 0.0
+        )
+        b = 0.0
+        square = 0.0
+        for i in range(mE):
+            b += desk.low[desk.E[i]] ** 2
+            square += sum_of_squares(desk.A, desk.E[i], 0)
+        noise = 8.0 * EPS * (math.sqrt(b) + math.sqrt(square) * length_of(desk.x))
+    t = rank + keep_felt(desk, count, mS, K, c0 + rank)
+    counts[RANK] = rank
+    if t == 0:
+        return False
+    counts[T] = t
+    q = desk.qp
+    a, b, c, e, f, g, H, gs, C, lo, hi, s, end = qp_parts(t, count, mS)
+    rows = q[b:c].reshape((count, t))
+    largest = 0.0
+    total = 0.0
+    for j in range(rank):
+        total += desk.c[j] * desk.c[j]
+    if math.sqrt(total) > noise:
+        for j in range(rank):
+            largest = max(largest, abs(desk.c[j]))
+    for i in range(count):
+        row = n + K + i if i < mS else n + i - mS
+        for j in range(t):
+            rows[i, j] = desk.turned[row, c0 + j]
+        if not last:
+            over_triangle(rows, i, desk.B, rank)
+        if i < mS:
+            own = desk.S[i]
+            value = dot_row(desk.A, own, desk.x, 0)
+            within = math.sqrt(sum_of_squares(desk.turned, row, c0))
+            # Earlier levels have used the row up: nothing here may follow it.
+            if within <= numbers[RANK_TOLERANCE] * math.sqrt(sum_of_squares(desk.A, own, 0)):
+                for j in range(t):
+                    rows[i, j] = 0.0
+            q[c + i] = desk.low[own] - value
+            q[e + i] = desk.up[own] - value
+            desk.lengths[i] = 1.0
+            largest = max(largest, q[c + i], -q[e + i])
+        else:
+            value = dot_row(desk.kept, i - mS, desk.x, 0)
+            length = 0.0
+            for j in range(t):
+                length += rows[i, j] * rows[i, j]
+            length = math.sqrt(length)
+            desk.lengths[i] = length
+            if length > 0.0:
+                for j in range(t):
+                    rows[i, j] /= length
+            else:
+                length = 1.0
+            # The start is feasible by construction: a bound passed by rounding moves to where the point is.
+            q[c + i] = min(desk.kept_lower[i - mS] - value, 0.0) / length
+            q[e + i] = max(desk.kept_upper[i - mS] - value, 0.0) / length
+    size = power_of_two(largest)
+    numbers[SIZE] = size
+    if not size > 0.0:
+        return False
+    for j in range(t):
+        curved = desk.sharp[j] if j < rank else 0.0
+        q[j] = curved * curved
+        q[a + j] = -curved * desk.c[j] / size if j < rank else 0.0
+    for i in range(count):
+        q[c + i] /= size
+        q[e + i] /= size
+    guessed = desk.known[k] == 1 and guess(desk, k, K, mS, c0, t, rank, last, size, q[f:g], q[g:H])
+    if not guessed:
+        for j in range(f, H):
+            q[j] = 0.0
+    if counts[DENSE] and count > 0:
+        full = t + mS
+        fill_slacks(
+            q[:a], q[a:b], rows, q[c:e], q[e:f], mS, numbers[INFINITE], q[f:g], q[g:H],
+            q[H:gs].reshape((full, full)), q[gs:C], q[C:lo].reshape((count, full)), q[lo:hi], q[hi:s], q[s:end],
+        )  # fmt: skip
+    return guessed
+
+
+@lean
+def guess(desk, k, K, mS, c0, t, rank, last, size, guess_t, guess_y):
+    """What an earlier answer of stage k says of this QP's answer; False when that is not finite."""
+    total = 0.0
+    for j in range(len(desk.z)):
+        desk.z[j] = 0.0
+    for i in range(len(desk.guess_x[k])):
+        add_multiple(desk.z, desk.turned, i, (desk.guess_x[k, i] - desk.x[i]) / size)
+    for j in range(t):
+        s = desk.z[c0 + j]
+        if j < rank and not last:
+            s = 0.0
+            for i in range(j + 1):
+                s += desk.B[j, i] * desk.z[c0 + i]
+        guess_t[j] = s
+        total += s
+    for i in range(mS + K):
+        y = desk.guess_y[k, desk.S[i]] if i < mS else desk.guess_y[k, desk.kept_ids[i - mS]] * desk.lengths[i]
+        guess_y[i] = y / size
+        total += guess_y[i]
+    return math.isfinite(total)
+
+
+@lean
+def move(desk, c0, t, rank, lower, w, size):
+    """x += Q z size on t columns from c0 on, B z = w on the first `rank`; lower: B is a triangle, else the identity."""
+    for j in range(len(desk.z)):
+        desk.z[j] = 0.0
+    for j in range(t):
+        s = w[j]
+        if j < rank and lower:
+            for i in range(j):
+                s -= desk.B[j, i] * desk.z[c0 + i]
+            s /= desk.B[j, j]
+        desk.z[c0 + j] = s
+    for i in range(desk.raw.shape[1]):
+        desk.x[i] += size * dot_row(desk.turned, i, desk.z, c0)
+
+
+@lean
+def take_leave(desk, rows, count, c0, r0, r1, tol, by_rule):
+    """The first `count` rows of `work` take their directions from the columns c0 ...; returns the first column still free.
+
+    by_rule: their rank is decided by the rank rule of the stage's rows, else rows of length one are noise below `GONE`.
+    """
+    proven = True
+    if by_rule:
+        norm = frobenius(desk.A, r0, r1)
+        r, proven = triangle(desk.work, 0, count, c0, count, desk.order, norm, tol, 0, desk.row, desk.column, desk.tau)
+    else:
+        r = lq(desk.work, 0, count, c0, count, desk.order, GONE, 0, desk.row, desk.column, desk.tau)
+    reflect_rows_by_all(desk.turned, 0, rows, desk.work, 0, r, c0, desk.tau, 0)
+    if proven:
+        return c0 + r
+    zero = tol * spectral(desk.A, r0, r1)
+    return c0 + by_singular_values(desk.work, count, c0, r, zero, desk.residual, desk.turned, rows, desk.sharp, desk.c)
+
+
+@lean
+def finish_stage(numbers, counts, step, y):
+    """Move x by the answer, let go what must stay where it is, keep satisfied rows; y (QP_ROWS,) multipliers.
+
+    Without an answer (SIZE 0, or one that was not found) step is empty. `Desk.side`, by row number, is written for rows that
+    now leave, +1 at their upper bound, -1 at their lower one. A kept row is never tighter than the point reached.
+    """
+    desk = desk_of(numbers, counts)
+    n = counts[N]
+    k = counts[STAGE]
+    last = k == counts[P] + 1
+    r0 = desk.offsets[k] if not last else counts[M]
+    r1 = desk.offsets[k + 1] if not last else counts[M]
+    K = counts[KEPT]
+    mS = counts[SOFT]
+    size = numbers[SIZE]
+    c0 = counts[TAKEN]
+    rank = counts[RANK]
+    if size > 0.0 and len(step):
+        move(desk, c0, counts[T], rank, not last, step, size)
+    c0 += rank
+    leaving = 0
+    for i in range(mS):
+        row = desk.S[i]
+        value = dot_row(desk.A, row, desk.x, 0)
+        desk.right[i] = value
+        desk.leaves[i] = size > 0.0 and max(desk.low[row] - value, value - desk.up[row]) > STRONG * size
+        if desk.leaves[i]:
+            desk.side[row] = 1 if value > desk.up[row] else -1
+            if c0 < n:
+                copy_row(desk.turned, n + K + i, desk.work, leaving)
+                leaving += 1
+    if leaving:
+        c0 = take_leave(desk, n + K + mS, leaving, c0, r0, r1, numbers[RANK_TOLERANCE], True)
+    leaving = 0
     for i in range(K):
-        for j in range(n):
-            value[mS + i] += kept[i, j] * x[j]
-        if len(y) and abs(y[mS + i]) > STRONG:
-            held[i] = True
-            side[kept_ids[i]] = 1 if y[mS + i] > 0.0 else -1
-            H += 1
-    Z = Z0
-    if F and Z.shape[1]:
-        rows = np.empty((F, n))
-        q = 0
-        for i in range(mS):
-            if fixed[i]:
-                rows[q] = A[S[i]]
-                q += 1
-        _, _, _, rank, _, _, ZQ = taken_from(rows, Z, A, tol)
-        Z = ZQ[:, rank:].copy()
-    if H and Z.shape[1]:
-        rows = np.empty((H, n))
-        q = 0
-        for i in range(K):
-            if held[i]:
-                rows[q] = kept[i]
-                q += 1
-        L = np.dot(rows, Z)
-        ref = np.empty(H, np.int64)
-        tau = np.empty(H)
-        rank = lq(L, 0, H, 0, H, np.zeros(H), GONE, 0, ref, np.empty(H, np.int64), tau)
-        Z = turned_rows(Z, L, rank, tau, np.empty((0, 0)))[:, rank:].copy()
-    total = K - H + mS - F
-    new = np.empty((total, n))
-    new_lower = np.empty(total)
-    new_upper = np.empty(total)
-    new_ids = np.empty(total, np.int64)
+        desk.right[mS + i] = dot_row(desk.kept, i, desk.x, 0)
+        desk.leaves[mS + i] = len(y) > 0 and abs(y[mS + i]) > STRONG
+        if desk.leaves[mS + i]:
+            desk.side[desk.kept_ids[i]] = 1 if y[mS + i] > 0.0 else -1
+            if c0 < n:
+                copy_row(desk.turned, n + i, desk.work, leaving)
+                leaving += 1
+    if leaving:
+        c0 = take_leave(desk, n + K + mS, leaving, c0, r0, r1, numbers[RANK_TOLERANCE], False)
+    counts[TAKEN] = c0
     q = 0
     for i in range(K):
-        if not held[i]:
-            new[q] = kept[i]
-            new_lower[q] = min(kept_lower[i], value[mS + i])
-            new_upper[q] = max(kept_upper[i], value[mS + i])
-            new_ids[q] = kept_ids[i]
+        if not desk.leaves[mS + i] and still_free(desk.turned, n + i, c0, n, 1.0):
+            copy_row(desk.kept, i, desk.kept, q)
+            copy_row(desk.turned, n + i, desk.turned, n + q)
+            desk.kept_lower[q] = min(desk.kept_lower[i], desk.right[mS + i])
+            desk.kept_upper[q] = max(desk.kept_upper[i], desk.right[mS + i])
+            desk.kept_ids[q] = desk.kept_ids[i]
             q += 1
     for i in range(mS):
-        row = S[i]
-        length = math.sqrt(np.sum(A[row] ** 2))
-        if not fixed[i] and length > 0.0:
-            for j in range(n):
-                new[q, j] = A[row, j] / length
-            new_lower[q] = min(lower[row], value[i]) / length
-            new_upper[q] = max(upper[row], value[i]) / length
-            new_ids[q] = ids[row]
+        row = desk.S[i]
+        length = math.sqrt(sum_of_squares(desk.A, row, 0))
+        if not desk.leaves[i] and length > 0.0 and still_free(desk.turned, n + K + i, c0, n, length):
+            for j in range(desk.kept.shape[1]):
+                desk.kept[q, j] = desk.A[row, j] / length
+                desk.turned[n + q, j] = desk.turned[n + K + i, j] / length
+            desk.kept_lower[q] = min(desk.low[row], desk.right[i]) / length
+            desk.kept_upper[q] = max(desk.up[row], desk.right[i]) / length
+            desk.kept_ids[q] = row
             q += 1
-    free = np.dot(new[:q], Z)
-    still = 0
-    for i in range(q):  # a row with rounding alone left in the free directions goes
-        if math.sqrt(np.sum(free[i] ** 2)) > 1e-12:
-            new[still] = new[i]
-            new_lower[still] = new_lower[i]
-            new_upper[still] = new_upper[i]
-            new_ids[still] = new_ids[i]
-            still += 1
-    return Z, new[:still].copy(), new_lower[:still].copy(), new_upper[:still].copy(), new_ids[:still].copy()
+    counts[KEPT] = q
+
+
+@inlined
+def copy_row(A, i, B, k):
+    """B[k] <- A[i]."""
+    for j in range(A.shape[1]):
+        B[k, j] = A[i, j]
+
+
+@lean
+def still_free(turned, i, c0, n, length):
+    """Whether a row of that length has more than rounding left in the free directions."""
+    return c0 < n and math.sqrt(sum_of_squares(turned, i, c0)) > 1e-12 * length
