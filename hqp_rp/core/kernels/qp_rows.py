@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import inlined, kernel, lean
+from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.householder import reflect_rows_by_all
-from hqp_rp.core.kernels.orthogonal import EPS, frobenius, inverse_norm, lower_block, lq, spectral, triangle
+from hqp_rp.core.kernels.orthogonal import EPS, frobenius, inverse_norm, lq, spectral, triangle
 from hqp_rp.core.kernels.qp_desk import (
     DENSE,
     INFINITE,
@@ -34,7 +34,7 @@ from hqp_rp.core.kernels.qp_desk import (
     qp_parts,
 )
 from hqp_rp.core.kernels.qp_slacks import fill_slacks
-from hqp_rp.core.kernels.qp_tall import lay_down
+from hqp_rp.core.kernels.qp_tall import by_singular_values, lay_down, turn_columns
 from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
 
 FLAT = 1e-3  # Singular values are preconditioned away down to this fraction of the largest one.
@@ -94,25 +94,6 @@ def times_Q(row, desk, out):
             add_multiple(out, desk.turned, i, row[i])
 
 
-@kernel
-def by_singular_values(desk_work, m, c0, r, zero, residual, turned, rows, S, c):
-    """L (m, r) = U S V^T of what `lq` left in `desk_work`: S (r,), c = U^T residual; `rows` rows of `turned` turned by V.
-
-    Returns how many singular values exceed `zero`.
-    """
-    U, s, Vt = np.linalg.svd(lower_block(desk_work, 0, m, c0, r), False)
-    rank = 0
-    while rank < r and s[rank] > zero:
-        rank += 1
-    for j in range(r):
-        S[j] = s[j]
-        c[j] = 0.0
-        for i in range(m):
-            c[j] += U[i, j] * residual[i]
-    turned[:rows, c0 : c0 + r] = np.dot(np.ascontiguousarray(turned[:rows, c0 : c0 + r]), np.ascontiguousarray(Vt.T))
-    return rank
-
-
 @lean
 def sort_rows(desk, r0, r1, last):
     """Fill E and S with the stage's equalities and two-sided rows; (how many of each, whether x meets them all)."""
@@ -166,7 +147,8 @@ def factor_equalities(desk, mE, rows, c0, r0, r1, tol, sharpest):
         desk.sharp[j] = 1.0
     if proven and (sharpest == 0.0 or inverse_norm(desk.B, 0, 0, r) * triangle_norm(desk.B, r) * sharpest <= 1.0):
         return r
-    rank = by_singular_values(desk.work, mE, c0, r, zero, desk.residual, desk.turned, rows, desk.sharp, desk.c)
+    rank = by_singular_values(desk.work, mE, c0, r, zero, desk.residual, desk.B, desk.sharp, desk.c)
+    turn_columns(desk.turned, 0, rows, c0, desk.B, r)
     largest = desk.sharp[0]
     for i in range(rank):
         for j in range(i):
@@ -412,7 +394,9 @@ def take_leave(desk, rows, count, c0, r0, r1, tol, by_rule):
     if proven:
         return c0 + r
     zero = tol * spectral(desk.A, r0, r1)
-    return c0 + by_singular_values(desk.work, count, c0, r, zero, desk.residual, desk.turned, rows, desk.sharp, desk.c)
+    rank = by_singular_values(desk.work, count, c0, r, zero, desk.residual, desk.B, desk.sharp, desk.c)
+    turn_columns(desk.turned, 0, rows, c0, desk.B, r)
+    return c0 + rank
 
 
 @lean

@@ -1,10 +1,12 @@
-"""A level with more rows than directions to take: its triangle by a second factorization, kept for an answer to come."""
+"""What is left to do with the factor L (m, r) of a level: its triangle where m > r, its singular values where they decide."""
 
 from __future__ import annotations
 
 import math
 
-from hqp_rp.core.kernels.compile import lean
+import numpy as np
+
+from hqp_rp.core.kernels.compile import kernel, lean
 from hqp_rp.core.kernels.householder import (
     householder,
     longest_row,
@@ -13,6 +15,7 @@ from hqp_rp.core.kernels.householder import (
     swap_any_rows,
     turn_vector,
 )
+from hqp_rp.core.kernels.orthogonal import lower_block, turn_forward_by
 
 
 @lean
@@ -43,3 +46,30 @@ def lay_down(W, r0, r1, c0, r, room, right, pivot):
             tau = householder(T, j, j, norm)
             reflect_rows(T, j + 1, r, T, j, j, tau)
             turn_vector(right, T, j, j, tau)
+
+
+@kernel
+def by_singular_values(W, m, c0, r, zero, residual, V, S, c):
+    """L = U S V^T for the factor L that `lq` left in the first m rows of W: V (r, r), S (r,), c (r,) = U^T residual.
+
+    Returns how many singular values exceed `zero`.
+    """
+    U, s, Vt = np.linalg.svd(lower_block(W, 0, m, c0, r), False)
+    rank = 0
+    while rank < r and s[rank] > zero:
+        rank += 1
+    for j in range(r):
+        S[j] = s[j]
+        c[j] = 0.0
+        for i in range(m):
+            c[j] += U[i, j] * residual[i]
+        for i in range(r):
+            V[i, j] = Vt[j, i]
+    return rank
+
+
+@lean
+def turn_columns(W, i0, i1, c0, V, r):
+    """Columns c0:c0 + r of rows i0:i1 of W <- themselves times V (r, r)."""
+    for i in range(i0, i1):
+        turn_forward_by(V, r, W[i], c0)
