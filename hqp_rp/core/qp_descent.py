@@ -24,7 +24,7 @@ from hqp_rp.core.qp_backend import INFINITE, NOTHING, Backend, DenseQP, Outcome,
 from hqp_rp.core.qp_equalities import QuickDesk
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.verify import contradiction, fault_of, hard_excess
+from hqp_rp.core.verify import contradiction, fault_of, hard_excess, proof
 
 HARD = "the hard rows"
 NEAREST = "the distance to the secondary vector"
@@ -61,6 +61,7 @@ class Desk:
         desk = layout.desk_of.py_func(self._numbers, self._counts)  # as it stands: compiled code has it inlined
         self._x, self._start, self._least = desk.x[:n], desk.start[:n], desk.least[:n]
         self._side, self._qp = desk.side, desk.qp
+        self._rows = desk.raw, desk.lower, desk.upper, desk.offsets
         self._no_hard = _read_only(np.zeros((0, n))), _read_only(np.zeros(0)), _read_only(np.zeros(0))
         self._views: dict[tuple[int, int, int], _Views] = {}
         self._quick: QuickDesk | None = None
@@ -94,23 +95,23 @@ class Desk:
         top = self._no_hard if hard is None else (hard.A, hard.lower, hard.upper)
         try:
             kernels.begin(*top, *problem.stacked, numbers, counts)
-            code, t, m, soft, guessed = kernels.resume(numbers, counts, NOTHING, NOTHING)
+            code, t, m, soft, guessed = kernels.advance(numbers, counts)
             while code >= kernels.PLAIN:
-                found = (NOTHING, NOTHING)
                 if code == kernels.PLAIN:
-                    found = run.answer(self._plain(t), None, None, self._stage, problem)
+                    kernels.answer(numbers, counts, *run.answer(self._plain(t), None, None, self._stage, problem))
                 elif code == kernels.ROWS:
                     views = self._views.get((t, m, soft)) or self._cut(t, m, soft)
-                    found = run.answer(views.qp, views.guess if guessed else None, views.dense, self._stage, problem)
+                    guess = views.guess if guessed else None
+                    kernels.answer(numbers, counts, *run.answer(views.qp, guess, views.dense, self._stage, problem))
                 elif hard is not None and (conflict := _conflict(hard, self._x, tolerance)):
                     return Solution(problem, None, Status.INFEASIBLE, run.iterations, conflict, secondary)
-                code, t, m, soft, guessed = kernels.resume(numbers, counts, *found)
-            if code == kernels.PROVEN:
+                code, t, m, soft, guessed = kernels.advance(numbers, counts)
+            if code == kernels.DONE:
+                if not proof()(*self._rows, self._x, self._start, tolerance, RANK_TOLERANCE):
+                    return self._judged(problem, secondary, tolerance, run)
                 solution = Solution(problem, self._x.copy(), Status.SOLVED, run.iterations, "", secondary)
                 solution.held = self._side.astype(np.int8)
                 return solution
-            if code == kernels.UNPROVEN:
-                return self._judged(problem, secondary, tolerance, run)
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             pass
         return Solution(problem, None, Status.NOT_FINITE, run.iterations, NOT_FINITE, secondary)

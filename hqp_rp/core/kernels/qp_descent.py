@@ -1,7 +1,8 @@
-"""A lexicographic descent by QPs: everything between two QPs is one call, on arrays that are kept between problems.
+"""A lexicographic descent by QPs, on arrays that are kept between problems: `begin`, then `advance` and `answer` in turn.
 
-`resume` goes on until a back end has to solve a QP, and says which: (code, t, m, soft, guessed). The QP lies in `Desk.qp`,
-cut by `qp_parts`. Stages: 0 the hard rows (maybe none), 1 ... p the levels, p + 1 the distance to the start.
+`advance` goes on until a back end has to solve a QP, and says which: (code, t, m, soft, guessed). The QP lies in `Desk.qp`,
+cut by `qp_parts`. Stages: 0 the hard rows (maybe none), 1 ... p the levels, p + 1 the distance to the start. One kernel that
+does all would be compiled half as fast: numba compiles what a kernel calls once more with it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from hqp_rp.core.kernels.qp_desk import (
     KEPT,
     POLISH,
     QP_ROWS,
-    RANK_TOLERANCE,
     SIZE,
     SOFT,
     STAGE,
@@ -29,14 +29,12 @@ from hqp_rp.core.kernels.qp_desk import (
 )
 from hqp_rp.core.kernels.qp_polish import polish_in_place
 from hqp_rp.core.kernels.qp_rows import finish_stage, length_of, scale_rows, stage_qp
-from hqp_rp.core.kernels.verify import proven_optimal
 
-PROVEN = 0  # done, x is proven optimal
-UNPROVEN = 1  # done, x may or may not be optimal
-NOT_FINITE = 2
-PLAIN = 3  # asks for the QP without rows, 1/2 ||w||^2 + gradient . w
-ROWS = 4  # asks for a QP with rows
-VIOLATED = 5  # hard rows remain violated beyond the tolerance after their stage: `resume` goes on all the same
+DONE = 0
+NOT_FINITE = 1
+PLAIN = 2  # asks for the QP without rows, 1/2 ||w||^2 + gradient . w
+ROWS = 3  # asks for a QP with rows
+VIOLATED = 4  # hard rows remain violated beyond the tolerance after their stage: `advance` goes on all the same
 
 
 @lean
@@ -60,7 +58,7 @@ def begin(hard, hard_lower, hard_upper, matrix, lower, upper, offsets, numbers, 
     counts[TAKEN] = 0
     counts[KEPT] = 0
     counts[STAGE] = -1
-    counts[CODE] = PROVEN
+    counts[CODE] = DONE
 
 
 @lean
@@ -74,15 +72,9 @@ def load_rows(matrix, lower, upper, desk, r0):
 
 
 @lean
-def resume(numbers, counts, t, y):
-    """Go on, after `begin` or with the answer to the QP that was asked for: t (T or more,), y (QP_ROWS,).
-
-    t is empty when there is no answer.
-    """
-    code = counts[CODE]
-    if code == PLAIN or code == ROWS:
-        answer(numbers, counts, t, y)
-    if code != VIOLATED and left_violated(numbers, counts):
+def advance(numbers, counts):
+    """The stages that need no QP, up to one that does or to the end."""
+    if counts[CODE] != VIOLATED and left_violated(numbers, counts):
         counts[CODE] = VIOLATED
         return VIOLATED, 0, 0, 0, False
     desk = desk_of(numbers, counts)
@@ -101,14 +93,9 @@ def resume(numbers, counts, t, y):
         if numbers[SIZE] > 0.0 and counts[T] > 0:
             counts[CODE] = ROWS if counts[QP_ROWS] > 0 else PLAIN
             return counts[CODE], counts[T], counts[QP_ROWS], counts[SOFT], guessed
-        finish_stage(numbers, counts, t[:0], y[:0])
-    if not math.isfinite(length_of(desk.x)):
-        return NOT_FINITE, 0, 0, 0, False
-    proven = proven_optimal(
-        desk.raw, desk.lower, desk.upper, desk.offsets, desk.x[: counts[N]], desk.start[: counts[N]], numbers[TOLERANCE],
-        numbers[RANK_TOLERANCE],
-    )  # fmt: skip
-    return (PROVEN if proven else UNPROVEN), 0, 0, 0, False
+        finish_stage(numbers, counts, desk.qp[:0], desk.qp[:0])
+    counts[CODE] = DONE
+    return (DONE if math.isfinite(length_of(desk.x)) else NOT_FINITE), 0, 0, 0, False
 
 
 @lean
@@ -136,7 +123,7 @@ def left_violated(numbers, counts):
 
 @lean
 def answer(numbers, counts, t, y):
-    """Polish and take the answer of a QP; without one (t empty) x stays."""
+    """Polish and take the answer to the QP that was asked for: t (T or more,), y (QP_ROWS,); without one (t empty) x stays."""
     desk = desk_of(numbers, counts)
     k = counts[STAGE]
     size = numbers[SIZE]

@@ -29,8 +29,9 @@ class Desk(NamedTuple):
     c, sharp (n,): the QP's target and the curvature's root. x, start, least, z (N,): the point, where it began, the least
     violation of the hard rows, a vector in columns of Q. guess_x (p + 2, n), guess_y (p + 2, M): warm starts by stage.
     qp: flat, see `qp_parts`. row, column (M,): reflectors. kept_ids, E, S (M,): row numbers of what is kept, of the stage's
-    equalities and of its two-sided rows. pivot (n,). known (p + 2,): which warm starts there are. side (M,): which rows left
-    at which bound. leaves (M,): which rows of the stage's QP are about to. offsets (p + 2,): stage k has rows offsets[k] ... offsets[k + 1] - 1.
+    equalities and of its two-sided rows. pivot (n,). known (p + 2,): which warm starts there are. side (M,): which rows
+    left at which bound. leaves (M,): which rows of the stage's QP are about to. offsets (p + 2,): stage k has rows
+    offsets[k] ... offsets[k + 1] - 1.
     """
 
     raw: np.ndarray

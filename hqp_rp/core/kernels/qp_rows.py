@@ -258,9 +258,7 @@ def stage_qp(numbers, counts):
             desk.sharp[j] = 1.0
         noise = 8.0 * EPS * (length_of(desk.start) + length_of(desk.x))
     elif mE > 0:
-        rank = factor_equalities(
-            desk, mE, n + count, c0, r0, r1, numbers[RANK_TOLERANCE], FLAT if count > 0 else 0.0
-        )
+        rank = factor_equalities(desk, mE, n + count, c0, r0, r1, numbers[RANK_TOLERANCE], FLAT if count > 0 else 0.0)
         b = 0.0
         square = 0.0
         for i in range(mE):
