@@ -53,7 +53,7 @@ class Desk:
         p = len(offsets) - 1
         rows = hard + int(offsets[-1])
         layout: Any = qp_desk
-        *_, numbers, _, counts = layout.desk_parts.py_func(n, rows, p)
+        *_, numbers, _, counts = layout.desk_parts(n, rows, p)
         self._numbers, self._counts = np.zeros(numbers), np.zeros(counts, np.int64)
         self._counts[layout.N], self._counts[layout.M], self._counts[layout.P] = n, rows, p
         self._numbers[layout.RANK_TOLERANCE] = RANK_TOLERANCE

@@ -23,7 +23,7 @@ class QuickDesk:
 
         kernels: Any = qp_equalities
         p, rows = len(offsets) - 1, int(offsets[-1])
-        numbers, counts = kernels.room_size(n, rows, p)
+        *_, numbers, _, counts = kernels.room_parts(n, rows, p)
         self._numbers, self._counts = np.zeros(numbers), np.zeros(counts, np.int64)
         self._counts[kernels.N], self._counts[kernels.M], self._counts[kernels.P] = n, rows, p
         self._numbers[kernels.RANK_TOLERANCE] = RANK_TOLERANCE

@@ -1,8 +1,8 @@
 """A lexicographic descent by QPs, on arrays that are kept between problems: `begin`, then `advance` and `answer` in turn.
 
 `advance` goes on until a back end has to solve a QP, and says which: (code, t, m, soft, guessed). The QP lies in `Desk.qp`,
-cut by `qp_parts`. Stages: 0 the hard rows (maybe none), 1 ... p the levels, p + 1 the distance to the start. One kernel that
-does all would be compiled half as fast: numba compiles what a kernel calls once more with it.
+cut by `qp_parts`. Stages: 0 the hard rows (maybe none), 1 ... p the levels, p + 1 the distance to the start. One kernel for
+all would take longer to compile: numba compiles what a kernel calls once more with it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,10 @@ from hqp_rp.core.kernels.qp_desk import (
     desk_of,
     qp_parts,
 )
+from hqp_rp.core.kernels.qp_factor import length_of, scale_rows
+from hqp_rp.core.kernels.qp_finish import finish_stage
 from hqp_rp.core.kernels.qp_polish import polish_in_place
-from hqp_rp.core.kernels.qp_rows import finish_stage, length_of, scale_rows, stage_qp
+from hqp_rp.core.kernels.qp_rows import stage_qp
 
 DONE = 0
 NOT_FINITE = 1

@@ -13,7 +13,7 @@ from hqp_rp.core.kernels.compile import inlined, lean
 
 # Where what is in `counts`.
 SIZES = 16
-N, M, P, STAGE, TAKEN, KEPT, T, QP_ROWS, SOFT, RANK, CODE, DENSE, POLISH, SQUARE = range(14)
+N, M, P, STAGE, TAKEN, KEPT, T, QP_ROWS, SOFT, RANK, CODE, DENSE, POLISH = range(13)
 # Where what is in `numbers`.
 SCALARS = 4
 SIZE, TOLERANCE, RANK_TOLERANCE, INFINITE = range(4)

@@ -18,6 +18,7 @@ import numpy as np
 from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import EPS, load, triangle, turn_back_reflectors, turn_forward
+from hqp_rp.core.kernels.qp_factor import length_of, power_of_two
 from hqp_rp.core.kernels.qp_tall import lay_down
 from hqp_rp.core.kernels.vector import dot_row, sum_of_squares
 
@@ -34,10 +35,11 @@ SIZES = 4
 class Room(NamedTuple):
     """Views of the two flat arrays that are kept between problems of one shape; vectors of unknowns are padded.
 
-    A, W (M, N): rows, scaled by powers of two, and the same turned. T: flat, a transposed tall L (r, padded m). start, x, y, u, turned, gap, g: (N,). right: (padded M,), a
-    level's right-hand side. rhs, order, tau (M,): the order of rows and the reflectors' factors. scale, norm, target (p,): of each
-    level the power of two, ||A_k||_F and ||b_k||, both scaled. row, column (M,): where reflectors are. first, free (p + 1,):
-    of level k the first reflector and the first free column before it. pivot (n,): the order of a tall L's columns.
+    A, W (M, N): rows, scaled by powers of two, and the same turned. T: flat, a transposed tall L (r, padded m).
+    start, x, y, u, turned, gap, g: (N,). right: (padded M,), a level's right-hand side. rhs, order, tau (M,): the targets
+    less A start, the order of rows, the reflectors' factors. scale, norm, target (p,): of each level the power of two,
+    ||A_k||_F and ||b_k||, both scaled. row, column (M,): where reflectors are. first, free (p + 1,): of level k the first
+    reflector and the first free column before it. pivot (n,): the order of a tall L's columns.
     """
 
     A: np.ndarray
@@ -64,49 +66,51 @@ class Room(NamedTuple):
     pivot: np.ndarray
 
 
+@lean
+def room_parts(n, M, p):
+    """Where A, W, T, the vectors, the rows, the levels end in `numbers`, the reflectors and the rest in `counts`."""
+    wide = padded(n)
+    tall = padded(M)
+    A = SCALARS + M * wide
+    T = A + M * wide + n * tall
+    vectors = T + 7 * wide
+    rows = vectors + tall + 3 * M
+    reflectors = SIZES + 2 * M
+    return A, A + M * wide, T, vectors, rows, rows + 3 * p, reflectors, reflectors + 2 * (p + 1) + n
+
+
 @inlined
 def room_of(numbers, counts):
     """The views of `Room`."""
     n = counts[N]
-    M_ = counts[M]
+    m = counts[M]
     p = counts[P]
+    A, W, T, vectors, rows, levels, reflectors, end = room_parts(n, m, p)
     wide = padded(n)
-    tall = padded(M_)
-    a = SCALARS + M_ * wide
-    v = a + M_ * wide + n * tall
-    s = v + 7 * wide + tall
-    e = s + 3 * M_
-    c = SIZES + 2 * M_
     return Room(
-        numbers[SCALARS:a].reshape((M_, wide)),
-        numbers[a : a + M_ * wide].reshape((M_, wide)),
-        numbers[a + M_ * wide : v],
-        numbers[v : v + wide],
-        numbers[v + wide : v + 2 * wide],
-        numbers[v + 2 * wide : v + 3 * wide],
-        numbers[v + 3 * wide : v + 4 * wide],
-        numbers[v + 4 * wide : v + 5 * wide],
-        numbers[v + 5 * wide : v + 6 * wide],
-        numbers[v + 6 * wide : v + 7 * wide],
-        numbers[v + 7 * wide : s],
-        numbers[s : s + M_],
-        numbers[s + M_ : s + 2 * M_],
-        numbers[s + 2 * M_ : e],
-        numbers[e : e + p],
-        numbers[e + p : e + 2 * p],
-        numbers[e + 2 * p : e + 3 * p],
-        counts[SIZES : SIZES + M_],
-        counts[SIZES + M_ : c],
-        counts[c : c + p + 1],
-        counts[c + p + 1 : c + 2 * p + 2],
-        counts[c + 2 * p + 2 : c + 2 * p + 2 + n],
+        numbers[SCALARS:A].reshape((m, wide)),
+        numbers[A:W].reshape((m, wide)),
+        numbers[W:T],
+        numbers[T : T + wide],
+        numbers[T + wide : T + 2 * wide],
+        numbers[T + 2 * wide : T + 3 * wide],
+        numbers[T + 3 * wide : T + 4 * wide],
+        numbers[T + 4 * wide : T + 5 * wide],
+        numbers[T + 5 * wide : T + 6 * wide],
+        numbers[T + 6 * wide : vectors],
+        numbers[vectors : rows - 3 * m],
+        numbers[rows - 3 * m : rows - 2 * m],
+        numbers[rows - 2 * m : rows - m],
+        numbers[rows - m : rows],
+        numbers[rows : rows + p],
+        numbers[rows + p : rows + 2 * p],
+        numbers[rows + 2 * p : levels],
+        counts[SIZES : SIZES + m],
+        counts[SIZES + m : reflectors],
+        counts[reflectors : reflectors + p + 1],
+        counts[reflectors + p + 1 : reflectors + 2 * p + 2],
+        counts[reflectors + 2 * p + 2 : end],
     )
-
-
-def room_size(n: int, M: int, p: int) -> tuple[int, int]:
-    """(length of `numbers`, of `counts`) for n unknowns, M rows and p levels."""
-    wide, tall = -(-n // 8) * 8, -(-M // 8) * 8
-    return SCALARS + 2 * M * wide + n * tall + 7 * wide + tall + 3 * M + 3 * p, SIZES + 2 * M + 2 * (p + 1) + n
 
 
 @lean
@@ -144,7 +148,7 @@ def go_on(matrix, rhs, offsets, numbers, counts, w):
             numbers[SIZE] = size
             if size > 0.0:
                 return r
-            if not size == 0.0:
+            if size != 0.0:
                 return OPEN
     return PROVEN if proven_by(counts[N], rhs, offsets, room, numbers[TOLERANCE]) else OPEN
 
@@ -173,15 +177,6 @@ def take_up(matrix, rhs, offsets, room):
     return True
 
 
-@inlined
-def length_of(v):
-    """||v||."""
-    s = 0.0
-    for value in v:
-        s += value * value
-    return math.sqrt(s)
-
-
 @lean
 def missing(room, r0, r1, c0, r, norm, target):
     """Put the level's QP into g; returns its size, 0 when what is missing is rounding noise."""
@@ -200,7 +195,7 @@ def missing(room, r0, r1, c0, r, norm, target):
         return 0.0
     if not largest < np.inf:
         return -1.0
-    size = math.ldexp(1.0, math.frexp(largest)[1])
+    size = power_of_two(largest)
     for j in range(r):
         room.g[j] = room.right[j] / -size
     return size

@@ -8,78 +8,20 @@ inequality rows of judged levels (held), the rows of levels to come and, at last
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.held import held_back, length_of
-from hqp_rp.core.kernels.householder import padded, reflect_rows_by_all
+from hqp_rp.core.kernels.householder import reflect_rows_by_all
 from hqp_rp.core.kernels.orthogonal import EPS, load, lq, spectral, triangle
 from hqp_rp.core.kernels.qp_tall import by_singular_values, lay_down, turn_columns
 from hqp_rp.core.kernels.vector import dot_row, sum_of_squares
+from hqp_rp.core.kernels.verify_room import proof_of, proof_parts
 from hqp_rp.core.problem import FloatArray, IntArray
 
 FIRM = 1e-4  # a multiplier above this part of its level's pull keeps its row at the bound for every later level
 DEPENDENT = 1e-10  # what is left of a firm row of length one, when it depends on rows that are fixed already
-
-
-class Proof(NamedTuple):
-    """The arrays of one proof, rows padded to N columns.
-
-    W (M + 1, N): rows scaled by level, then x - zeta. held (M, N): active rows of judged levels. work (M, N): rows being
-    factored. C, H: flat, what `held_back` takes. tall: flat. V (n, n). x (N,). value, size, v, side, new_side, multipliers,
-    order, tau, right, residual, sharp (M + n or more,): by row. scale (p,). pulling, fixed, row, column, pivot: integers.
-    """
-
-    W: np.ndarray
-    held: np.ndarray
-    work: np.ndarray
-    C: np.ndarray
-    H: np.ndarray
-    tall: np.ndarray
-    V: np.ndarray
-    x: np.ndarray
-    value: np.ndarray
-    size: np.ndarray
-    v: np.ndarray
-    side: np.ndarray
-    new_side: np.ndarray
-    multipliers: np.ndarray
-    order: np.ndarray
-    tau: np.ndarray
-    right: np.ndarray
-    residual: np.ndarray
-    sharp: np.ndarray
-    scale: np.ndarray
-    pulling: np.ndarray
-    fixed: np.ndarray
-    row: np.ndarray
-    column: np.ndarray
-    pivot: np.ndarray
-
-
-@inlined
-def proof_of(room, counts, M, n, p):
-    """The views of `Proof`."""
-    N = padded(n)
-    s = padded(M + n)
-    a = (M + 1) * N
-    b = a + M * N
-    c = b + M * N
-    d = c + s * n
-    e = d + M * n
-    f = e + n * s
-    g = f + n * n
-    h = g + N
-    return Proof(
-        room[:a].reshape((M + 1, N)), room[a:b].reshape((M, N)), room[b:c].reshape((M, N)), room[c:d], room[d:e], room[e:f],
-        room[f:g].reshape((n, n)), room[g:h], room[h : h + s], room[h + s : h + 2 * s], room[h + 2 * s : h + 3 * s],
-        room[h + 3 * s : h + 4 * s], room[h + 4 * s : h + 5 * s], room[h + 5 * s : h + 6 * s],
-        room[h + 6 * s : h + 7 * s], room[h + 7 * s : h + 8 * s], room[h + 8 * s : h + 9 * s],
-        room[h + 9 * s : h + 10 * s], room[h + 10 * s : h + 11 * s], room[h + 11 * s : h + 11 * s + p], counts[:s], counts[s : 2 * s], counts[2 * s : 3 * s], counts[3 * s : 4 * s],
-        counts[4 * s : 5 * s],
-    )  # fmt: skip
 
 
 def proven_optimal(
@@ -97,11 +39,9 @@ def proven_optimal(
     Level 0 holds the hard rows (it may be empty). False means only that this proof did not succeed.
     """
     M, n = A.shape
-    s = (M + n + 7) // 8 * 8
-    numbers = (3 * M + 2) * ((n + 7) // 8 * 8) + M * n + 2 * n * s + n * n + 11 * s + len(offsets)
-    proven: bool = prove(
-        np.empty(numbers), np.empty(5 * s, np.int64), A, lower, upper, offsets, x, zeta, tolerance, rank_tol
-    )
+    *_, numbers, counts = proof_parts(M, n, len(offsets) - 1)
+    room = np.empty(numbers)
+    proven: bool = prove(room, np.empty(counts, np.int64), A, lower, upper, offsets, x, zeta, tolerance, rank_tol)
     return proven
 
 
