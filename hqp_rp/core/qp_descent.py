@@ -1,16 +1,17 @@
 """Levels solved one after another as small QPs: one level's QP in its free directions, and the descent through all of them.
 
 Level k minimizes `||v||`, the violation of `lower <= A x <= upper`, in the directions Z that finished levels leave free.
-Its equality rows are factored, so that no matrix is squared: A_E Z = L Q^T, or U S V^T where L is not square or its rank or
-condition needs it. In the coordinates `z = Q L^-1 w + V_0 u` (`V_r D w + V_0 u`) the level is
+Its equality rows are factored, so that no matrix is squared: `A_E Z = L Q^T`, L = U R where it has more rows than columns, or
+`U S V^T` where its rank or condition needs it. In the coordinates `z = Q L^-1 w + V_0 u` (`V_r D w + V_0 u`) the level is
 
     min 1/2 ||S D w - U^T d||^2 + 1/2 ||s||^2,   d = b - A_E x
 
-(U = S D = I for L) subject to the two-sided rows of this level with slack s and the rows kept from earlier levels. D inverts
+(S D = I for L and R) subject to the two-sided rows of this level with slack s and the rows kept from earlier levels. D inverts
 S, but by no more than 1e3 / ||S||, so that near a singularity the kept rows do not blow up; without kept and two-sided rows
 D = S^-1 and the Hessian is the identity. Rows that must stay where they are (equalities, rows violated at the optimum, rows
 with a multiplier) are then eliminated by an orthonormal basis; the others are kept. Rows are scaled by powers of two first,
-hard rows each by its own, a level as a whole.
+hard rows each by its own, a level as a whole. Levels of equalities alone go a quicker way (`qp_equalities`), whose answers
+are proven; where it says nothing, they come here.
 """
 
 from __future__ import annotations
@@ -78,15 +79,16 @@ class Desk:
         """
         self.used = True
         hard = problem.hard
-        run = _Run(backend)
+        iterations = 0
         if hard is None and problem.is_equality:
             if self._quick is None:
                 self._quick = QuickDesk(problem.n, problem.stacked[3])
-            x, run.iterations = self._quick.solve(problem, secondary, backend, tolerance)
+            x, iterations = self._quick.solve(problem, secondary, backend, tolerance)
             if x is not None:
-                solution = Solution(problem, x, Status.SOLVED, run.iterations, "", secondary)
+                solution = Solution(problem, x, Status.SOLVED, iterations, "", secondary)
                 solution.held = self._quick.held
                 return solution
+        run = _Run(backend, iterations)
         kernels, layout, numbers, counts = self._kernels, self._layout, self._numbers, self._counts
         counts[layout.DENSE] = backend.wants_dense
         counts[layout.POLISH] = polish
@@ -155,9 +157,9 @@ class Desk:
 class _Run:
     """What a back end did in one descent: iterations, whether it ended at its limit, what it said of failed runs."""
 
-    def __init__(self, backend: Backend) -> None:
+    def __init__(self, backend: Backend, iterations: int) -> None:
         self.backend = backend
-        self.iterations = 0
+        self.iterations = iterations
         self.hit_limit = False
         self.remarks: list[str] = []
 
