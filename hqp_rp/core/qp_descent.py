@@ -25,7 +25,7 @@ from hqp_rp.core.qp_backend import INFINITE, NOTHING, Backend, DenseQP, Outcome,
 from hqp_rp.core.qp_equalities import QuickDesk
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.verify import contradiction, fault_of, hard_excess, proof
+from hqp_rp.core.verify import contradiction, fault_of, hard_excess
 
 HARD = "the hard rows"
 NEAREST = "the distance to the secondary vector"
@@ -48,9 +48,9 @@ class Desk:
     """
 
     def __init__(self, n: int, hard: int, offsets: Any) -> None:
-        from hqp_rp.core.kernels import qp_descent, qp_desk
+        from hqp_rp.core.kernels import qp_descent, qp_desk, verify
 
-        self._kernels, self._layout = qp_descent, qp_desk
+        self._kernels, self._layout, self._prove = qp_descent, qp_desk, verify.prove
         p = len(offsets) - 1
         rows = hard + int(offsets[-1])
         layout: Any = qp_desk
@@ -62,7 +62,9 @@ class Desk:
         desk = layout.desk_of.py_func(self._numbers, self._counts)  # as it stands: compiled code has it inlined
         self._x, self._start, self._least = desk.x[:n], desk.start[:n], desk.least[:n]
         self._side, self._qp = desk.side, desk.qp
-        self._rows = desk.raw, desk.lower, desk.upper, desk.offsets
+        *_, numbers, counts = verify.proof_parts(rows, n, p + 1)
+        room = np.empty(numbers), np.empty(counts, np.int64)
+        self._to_prove = *room, desk.raw, desk.lower, desk.upper, desk.offsets, self._x, self._start
         self._no_hard = _read_only(np.zeros((0, n))), _read_only(np.zeros(0)), _read_only(np.zeros(0))
         self._views: dict[tuple[int, int, int], _Views] = {}
         self._quick: QuickDesk | None = None
@@ -109,7 +111,7 @@ class Desk:
                     return Solution(problem, None, Status.INFEASIBLE, run.iterations, conflict, secondary)
                 code, t, m, soft, guessed = kernels.advance(numbers, counts)
             if code == kernels.DONE:
-                if not proof()(*self._rows, self._x, self._start, tolerance, RANK_TOLERANCE):
+                if not self._prove(*self._to_prove, tolerance, RANK_TOLERANCE):
                     return self._judged(problem, secondary, tolerance, run)
                 solution = Solution(problem, self._x.copy(), Status.SOLVED, run.iterations, "", secondary)
                 solution.held = self._side.astype(np.int8)

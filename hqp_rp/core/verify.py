@@ -37,7 +37,7 @@ def fault_of(
         matrix, lower, upper, offsets = problem.with_hard if stacked is None else stacked
         zeta = zeros(problem.n) if secondary is None else secondary
         try:
-            if proof()(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
+            if _proof()(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
                 return ""
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow: no proof
             pass
@@ -52,8 +52,8 @@ def fault_of(
 
 
 @functools.cache
-def proof() -> Callable[..., bool]:
-    """The compiled proof `proven_optimal`, imported when first needed."""
+def _proof() -> Callable[..., bool]:
+    """The compiled proof, imported when first needed."""
     from hqp_rp.core.kernels.verify import proven_optimal
 
     return proven_optimal
