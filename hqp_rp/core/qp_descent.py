@@ -48,7 +48,7 @@ class Desk:
     """
 
     def __init__(self, n: int, hard: int, offsets: Any) -> None:
-        from hqp_rp.core.kernels import qp_descent, qp_desk, verify
+        from hqp_rp.core.kernels import qp_descent, qp_desk, verify, verify_room
 
         self._kernels, self._layout, self._prove = qp_descent, qp_desk, verify.prove
         p = len(offsets) - 1
@@ -62,7 +62,7 @@ class Desk:
         desk = layout.desk_of.py_func(self._numbers, self._counts)  # as it stands: compiled code has it inlined
         self._x, self._start, self._least = desk.x[:n], desk.start[:n], desk.least[:n]
         self._side, self._qp = desk.side, desk.qp
-        *_, numbers, counts = verify.proof_parts(rows, n, p + 1)
+        *_, numbers, counts = verify_room.proof_parts(rows, n, p + 1)
         room = np.empty(numbers), np.empty(counts, np.int64)
         self._to_prove = *room, desk.raw, desk.lower, desk.upper, desk.offsets, self._x, self._start
         self._no_hard = _read_only(np.zeros((0, n))), _read_only(np.zeros(0)), _read_only(np.zeros(0))
