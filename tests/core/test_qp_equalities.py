@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqp_rp import Level, Problem, solve
+from hqp_rp import Level, Problem, get_solver, solve
 from hqp_rp.core.kernels.qp_equalities import proven_by, room_of
 from hqp_rp.core.qp_backend import Backend, QPAnswer, SlackQP, make_backend
 from hqp_rp.core.qp_equalities import QuickDesk
@@ -89,3 +89,17 @@ def test_the_proof_notices_a_point_and_factors_that_are_wrong(rows: tuple[int, .
         assert not holds()
         array[index] = before
         assert holds()
+
+
+def test_a_workspace_that_was_spoilt_costs_no_later_answer() -> None:
+    problem = random_problem(4, 7, (3, 3))
+    expected = solve(problem, "null_space").x
+    solver = get_solver("qp_cascade", backend="proxqp")
+    solver.solve(problem)
+    kept = solver._workspace.backend("proxqp", solver.eps_abs, solver.max_iterations)
+    w, _ = kept.unconstrained(np.full(3, np.nan))
+    assert np.isnan(w).any()
+    solution = solver.solve(problem)
+    assert solution.status.ok
+    np.testing.assert_allclose(solution.x, expected, atol=1e-8)
+    assert np.isfinite(kept.unconstrained(np.ones(3))[0]).all()
