@@ -23,13 +23,16 @@ class QpCascade(Solver):
 
     and a last level `min ||x - secondary||` makes the answer unique. Finished equalities, violated rows and rows held by a
     multiplier leave through an orthonormal basis Z; satisfied rows stay as rows. The equality rows of a level are factored
-    (`A_k Z = U S V^T`), not squared, and the QP is put in the coordinates of that factorization, where it is well
-    conditioned: for a level of equalities alone, with no row kept, `min 1/2 ||w||^2 - (U^T d)^T w`, which the back end solves.
+    (`A_k Z = U B V^T`, B a triangle or singular values), not squared, and the QP is put in the coordinates `w = B V^T z`, where
+    it is well conditioned: for a level of equalities alone, with no row kept, `min 1/2 ||w||^2 - (U^T d)^T w`, which the back
+    end solves.
     Levels are scaled by powers of two first. A level that is met already where it starts needs no QP.
 
     Hard rows are solved first, with slack: where slack remains, `INFEASIBLE` is said once weights on the violated rows prove
     that they contradict each other (Farkas). `SOLVED` is never the back end's word: every level, every hard row and the
-    distance to `secondary` are checked at the final x against `tolerance`, by the library's own certificate.
+    distance to `secondary` are checked at the final x against `tolerance`, from the problem's own rows: by a compiled proof
+    where that succeeds, else by the library's own certificate. On equalities alone the proof uses the cascade's factors, after
+    it has checked them against those rows on a fixed vector of random numbers (Freivalds 1977); otherwise it factors anew.
 
     Settings:
         backend: "proxqp" and "osqp" through their native interfaces with workspaces kept between calls, or any other name

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import enum
+import functools
 import math
 import warnings
 from typing import Any, NamedTuple
@@ -15,6 +16,16 @@ from hqp_rp.core.problem import FloatArray
 
 INFINITE = 1e20
 """Bounds at or beyond this size are no bounds: the convention of ProxQP and OSQP, applied to every back end."""
+
+
+NOTHING = np.zeros(0)
+"""No answer; not to be written to."""
+
+
+@functools.cache
+def ones(n: int) -> FloatArray:
+    """The diagonal (n,) of an identity, one array for each n; not to be written to."""
+    return np.ones(n)
 
 
 class SlackQP(NamedTuple):
@@ -105,6 +116,14 @@ class Backend(abc.ABC):
         With `dense`, the same QP and guess with slacks, the answer may be a view that the next solve overwrites, t with the
         slacks behind it.
         """
+
+    def unconstrained(self, gradient: FloatArray) -> tuple[FloatArray, int]:
+        """(w, iterations): w (n,) or empty, what the back end answers to `min 1/2 ||w||^2 + gradient . w`.
+
+        It says nothing of its outcome: `||w + gradient||_inf` tells. w may be a view that the next solve overwrites.
+        """
+        answer = self.solve(SlackQP(ones(len(gradient)), gradient, np.zeros((0, len(gradient))), NOTHING, NOTHING, 0))
+        return NOTHING if answer.t is None else answer.t, answer.iterations
 
     def reset(self) -> None:
         """Drop every workspace."""

@@ -1,27 +1,28 @@
 """Levels solved one after another as small QPs: one level's QP in its free directions, and the descent through all of them.
 
 Level k minimizes `||v||`, the violation of `lower <= A x <= upper`, in the directions Z that finished levels leave free.
-Its equality rows are factored, so that no matrix is squared: A_E Z = L Q^T, or U S V^T where L is not square or its rank or
-condition needs it. In the coordinates `z = Q L^-1 w + V_0 u` (`V_r D w + V_0 u`) the level is
+Its equality rows are factored, so that no matrix is squared: `A_E Z = L Q^T`, L = U R where it has more rows than columns, or
+`U S V^T` where its rank or condition needs it. In the coordinates `z = Q L^-1 w + V_0 u` (`V_r D w + V_0 u`) the level is
 
     min 1/2 ||S D w - U^T d||^2 + 1/2 ||s||^2,   d = b - A_E x
 
-(U = S D = I for L) subject to the two-sided rows of this level with slack s and the rows kept from earlier levels. D inverts
+(S D = I for L and R) subject to the two-sided rows of this level with slack s and the rows kept from earlier levels. D inverts
 S, but by no more than 1e3 / ||S||, so that near a singularity the kept rows do not blow up; without kept and two-sided rows
 D = S^-1 and the Hessian is the identity. Rows that must stay where they are (equalities, rows violated at the optimum, rows
 with a multiplier) are then eliminated by an orthonormal basis; the others are kept. Rows are scaled by powers of two first,
-hard rows each by its own, a level as a whole.
+hard rows each by its own, a level as a whole. Levels of equalities alone go a quicker way (`qp_equalities`), whose answers
+are proven; where it says nothing, they come here.
 """
 
 from __future__ import annotations
 
-import functools
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hqp_rp.core.problem import FloatArray, Level, Problem
-from hqp_rp.core.qp_backend import INFINITE, Backend, DenseQP, Outcome, QPAnswer, SlackQP
+from hqp_rp.core.qp_backend import INFINITE, NOTHING, Backend, DenseQP, Outcome, QPAnswer, SlackQP, ones
+from hqp_rp.core.qp_equalities import QuickDesk
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.verify import contradiction, fault_of, hard_excess
@@ -29,7 +30,6 @@ from hqp_rp.core.verify import contradiction, fault_of, hard_excess
 HARD = "the hard rows"
 NEAREST = "the distance to the secondary vector"
 NOT_FINITE = "x holds infinite or undefined numbers."
-_NOTHING = np.zeros(0)
 
 
 class _Views(NamedTuple):
@@ -48,23 +48,26 @@ class Desk:
     """
 
     def __init__(self, n: int, hard: int, offsets: Any) -> None:
-        from hqp_rp.core.kernels import qp_descent, qp_desk
+        from hqp_rp.core.kernels import qp_descent, qp_desk, verify, verify_room
 
-        self._kernels, self._layout = qp_descent, qp_desk
+        self._kernels, self._layout, self._prove = qp_descent, qp_desk, verify.prove
         p = len(offsets) - 1
         rows = hard + int(offsets[-1])
         layout: Any = qp_desk
-        numbers, counts = layout.desk_size(n, rows, p)
-        self._numbers, self._counts = np.empty(numbers), np.zeros(counts, np.int64)
+        *_, numbers, _, counts = layout.desk_parts(n, rows, p)
+        self._numbers, self._counts = np.zeros(numbers), np.zeros(counts, np.int64)
         self._counts[layout.N], self._counts[layout.M], self._counts[layout.P] = n, rows, p
         self._numbers[layout.RANK_TOLERANCE] = RANK_TOLERANCE
         self._numbers[layout.INFINITE] = INFINITE
         desk = layout.desk_of.py_func(self._numbers, self._counts)  # as it stands: compiled code has it inlined
-        desk.eye[:] = np.eye(n)
-        self._x, self._start, self._least, self._side, self._qp = desk.x, desk.start, desk.least, desk.side, desk.qp
-        self._rows = rows
+        self._x, self._start, self._least = desk.x[:n], desk.start[:n], desk.least[:n]
+        self._side, self._qp = desk.side, desk.qp
+        *_, numbers, counts = verify_room.proof_parts(rows, n, p + 1)
+        room = np.empty(numbers), np.empty(counts, np.int64)
+        self._to_prove = *room, desk.raw, desk.lower, desk.upper, desk.offsets, self._x, self._start
         self._no_hard = _read_only(np.zeros((0, n))), _read_only(np.zeros(0)), _read_only(np.zeros(0))
         self._views: dict[tuple[int, int, int], _Views] = {}
+        self._quick: QuickDesk | None = None
         self.used = False
 
     def solve(
@@ -76,33 +79,43 @@ class Desk:
             problem: of the shape of this desk. secondary: (n,) or None. backend: solves the QPs.
             tolerance: relative, of the verdict. polish: refine each answer on the active rows that the back end found.
         """
-        kernels, layout, numbers, counts = self._kernels, self._layout, self._numbers, self._counts
         self.used = True
         hard = problem.hard
+        iterations = 0
+        if hard is None and problem.is_equality:
+            if self._quick is None:
+                self._quick = QuickDesk(problem.n, problem.stacked[3])
+            x, iterations = self._quick.solve(problem, secondary, backend, tolerance)
+            if x is not None:
+                solution = Solution(problem, x, Status.SOLVED, iterations, "", secondary)
+                solution.held = self._quick.held
+                return solution
+        run = _Run(backend, iterations)
+        kernels, layout, numbers, counts = self._kernels, self._layout, self._numbers, self._counts
         counts[layout.DENSE] = backend.wants_dense
         counts[layout.POLISH] = polish
         numbers[layout.TOLERANCE] = tolerance
         self._start[:] = 0.0 if secondary is None else secondary
-        run = _Run(backend)
         top = self._no_hard if hard is None else (hard.A, hard.lower, hard.upper)
         try:
-            code, t, m, soft, guessed = kernels.begin(*top, *problem.stacked, numbers, counts)
+            kernels.begin(*top, *problem.stacked, numbers, counts)
+            code, t, m, soft, guessed = kernels.advance(numbers, counts)
             while code >= kernels.PLAIN:
-                found = (_NOTHING, _NOTHING)
                 if code == kernels.PLAIN:
-                    found = run.answer(self._plain(t), None, None, self._stage, problem)
+                    kernels.answer(numbers, counts, *run.answer(self._plain(t), None, None, self._stage, problem))
                 elif code == kernels.ROWS:
                     views = self._views.get((t, m, soft)) or self._cut(t, m, soft)
-                    found = run.answer(views.qp, views.guess if guessed else None, views.dense, self._stage, problem)
+                    guess = views.guess if guessed else None
+                    kernels.answer(numbers, counts, *run.answer(views.qp, guess, views.dense, self._stage, problem))
                 elif hard is not None and (conflict := _conflict(hard, self._x, tolerance)):
                     return Solution(problem, None, Status.INFEASIBLE, run.iterations, conflict, secondary)
-                code, t, m, soft, guessed = kernels.resume(numbers, counts, *found)
-            if code == kernels.PROVEN:
+                code, t, m, soft, guessed = kernels.advance(numbers, counts)
+            if code == kernels.DONE:
+                if not self._prove(*self._to_prove, tolerance, RANK_TOLERANCE):
+                    return self._judged(problem, secondary, tolerance, run)
                 solution = Solution(problem, self._x.copy(), Status.SOLVED, run.iterations, "", secondary)
-                solution.held = self._side[: self._rows].astype(np.int8)
+                solution.held = self._side.astype(np.int8)
                 return solution
-            if code == kernels.UNPROVEN:
-                return self._judged(problem, secondary, tolerance, run)
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
             pass
         return Solution(problem, None, Status.NOT_FINITE, run.iterations, NOT_FINITE, secondary)
@@ -118,7 +131,7 @@ class Desk:
             status = Status.ITERATION_LIMIT if run.hit_limit else Status.INACCURATE
             fault = " ".join([fault, *(f"{remark}." for remark in run.remarks)])
         solution = Solution(problem, x, status, run.iterations, fault, secondary)
-        solution.held = self._side[: self._rows].astype(np.int8)
+        solution.held = self._side.astype(np.int8)
         return solution
 
     def _stage(self, problem: Problem) -> str:
@@ -130,8 +143,8 @@ class Desk:
         """min 1/2 ||w||^2 + gradient . w, w (t,)."""
         views = self._views.get((t, 0, 0))
         if views is None:
-            qp = SlackQP(_ones(t), self._qp[t : 2 * t], np.zeros((0, t)), _NOTHING, _NOTHING, 0)
-            views = self._views[t, 0, 0] = _Views(qp, (_NOTHING, _NOTHING), None)
+            qp = SlackQP(ones(t), self._qp[t : 2 * t], np.zeros((0, t)), NOTHING, NOTHING, 0)
+            views = self._views[t, 0, 0] = _Views(qp, (NOTHING, NOTHING), None)
         return views.qp
 
     def _cut(self, t: int, m: int, soft: int) -> _Views:
@@ -146,9 +159,9 @@ class Desk:
 class _Run:
     """What a back end did in one descent: iterations, whether it ended at its limit, what it said of failed runs."""
 
-    def __init__(self, backend: Backend) -> None:
+    def __init__(self, backend: Backend, iterations: int) -> None:
         self.backend = backend
-        self.iterations = 0
+        self.iterations = iterations
         self.hit_limit = False
         self.remarks: list[str] = []
 
@@ -169,7 +182,7 @@ class _Run:
                 self.hit_limit |= answer.outcome is Outcome.LIMIT
                 self.remarks.append(f"{name_of(problem)}: {answer.message}")
             if answer.t is None:
-                return _NOTHING, _NOTHING
+                return NOTHING, NOTHING
         assert answer.t is not None
         return answer.t, answer.y
 
@@ -192,8 +205,3 @@ def _conflict(hard: Level, x: FloatArray, tolerance: float) -> str:
 def _read_only(array: FloatArray) -> FloatArray:
     array.flags.writeable = False
     return array
-
-
-@functools.cache
-def _ones(n: int) -> FloatArray:
-    return np.ones(n)

@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.qp_backend import INFINITE, Backend, DenseQP, Outcome, QPAnswer, SlackQP
+from hqp_rp.core.qp_backend import INFINITE, NOTHING, Backend, DenseQP, Outcome, QPAnswer, SlackQP, ones
 
 _INNER_ITERATIONS = 100
 _NEVER = 1e-15
-_NONE = np.zeros(0)
 
 
 @functools.cache
@@ -71,6 +70,21 @@ class ProxQPBackend(Backend):
         self._solved = proxqp.QPSolverOutput.PROXQP_SOLVED
         self._limit = proxqp.QPSolverOutput.PROXQP_MAX_ITER_REACHED
         self._workspaces: dict[tuple[int, int, int], _Kept] = {}
+        self._identities: dict[int, tuple[Any, Any, FloatArray, Any]] = {}
+
+    def unconstrained(self, gradient: FloatArray) -> tuple[FloatArray, int]:
+        n = len(gradient)
+        found = self._identities.get(n)
+        if found is None:
+            kept = self._without_rows(
+                SlackQP(ones(n), gradient, np.zeros((0, n)), NOTHING, NOTHING, 0), self._workspaces.get((n, 0, 0))
+            )
+            self._identities[n] = (kept.solver.update, kept.solver.solve, kept.x, kept.info)
+            return kept.x, kept.info.iter
+        update, solve, w, info = found
+        update(None, gradient)
+        solve()
+        return w, info.iter
 
     def solve(
         self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
@@ -81,7 +95,7 @@ class ProxQPBackend(Backend):
         self.reused = kept is not None
         if shape[1] == 0:
             kept = self._without_rows(qp, kept)
-            y = _NONE
+            y = NOTHING
         else:
             if dense is None:
                 t, y = (qp.gradient, qp.lower) if guess is None else guess
@@ -108,6 +122,7 @@ class ProxQPBackend(Backend):
         if not math.isfinite((t @ t) + (y @ y)):
             # A NaN stays in a workspace for good.
             del self._workspaces[shape]
+            self._identities.pop(shape[0], None)
             return QPAnswer(None, np.zeros(shape[1]), Outcome.FAILED, info.iter, "ProxQP returned NaN")
         outcome = Outcome.LIMIT if status == self._limit else Outcome.FAILED
         return QPAnswer(t.copy(), y.copy(), outcome, info.iter, f"ProxQP ended with {status.name}")
@@ -117,6 +132,7 @@ class ProxQPBackend(Backend):
             kept.solver.update(None, qp.gradient)
         else:
             fresh = kept is None
+            self._identities.pop(len(qp.gradient), None)
             kept = (self._new(len(qp.gradient), 0) if kept is None else kept)._replace(hessian=qp.hessian)
             self._workspaces[len(qp.gradient), 0, 0] = kept
             kept.settings.initial_guess = self._cold
@@ -143,6 +159,7 @@ class ProxQPBackend(Backend):
 
     def reset(self) -> None:
         self._workspaces.clear()
+        self._identities.clear()
 
 
 class OSQPBackend(Backend):

@@ -25,7 +25,7 @@ class Workspace:
     def desk(self, problem: Problem) -> Desk:
         """The desk of the problems that have the shape of `problem`."""
         hard = 0 if problem.hard is None else problem.hard.m
-        key = (problem.n, hard, problem.offsets.tobytes())
+        key = (problem.n, hard, problem.stacked[3].tobytes())
         found = self._desks.get(key)
         if found is None:
             found = self._desks[key] = Desk(problem.n, hard, problem.offsets)

@@ -9,54 +9,71 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import inlined, kernel
+from hqp_rp.core.kernels.compile import inlined, lean
 
 # Where what is in `counts`.
 SIZES = 16
-N, M, P, STAGE, FREE, KEPT, T, QP_ROWS, SOFT, FREE_AFTER, CODE, DENSE, POLISH = range(13)
+N, M, P, STAGE, TAKEN, KEPT, T, QP_ROWS, SOFT, RANK, CODE, DENSE, POLISH = range(13)
 # Where what is in `numbers`.
 SCALARS = 4
 SIZE, TOLERANCE, RANK_TOLERANCE, INFINITE = range(4)
 
 
 class Desk(NamedTuple):
-    """Views of the two flat arrays on which a descent works; flat matrices have the shape of the moment.
+    """Views of the two flat arrays on which a descent works. N: n filled up to a multiple of eight (`vector`).
 
-    raw, lower, upper: (M, n), (M,) hard rows and levels as they came. x, start, least: (n,) the point, where it began, the
-    least violation of the hard rows. Z: flat (n, FREE). A, low, up: flat; rows of the stage, scaled. T, Z0: flat (n, T),
-    (n, FREE_AFTER), of the QP being solved. kept, kept_lower, kept_upper, kept_ids: rows kept, the first KEPT of M.
-    lengths: (M,). S: (M,). eye: (n, n). guess_x (p + 2, n), guess_y (p + 2, M + n), known (p + 2,): warm starts by stage.
-    side: (M + n,) which rows left at which bound. offsets: (p + 2,), stage k has rows offsets[k] ... offsets[k + 1] - 1.
+    raw, lower, upper: (M, n), (M,) hard rows and levels as they came. A (M, N), low, up (M,): the stage's rows scaled, at
+    their own place. kept (M, N), kept_lower, kept_upper (M,): the first KEPT, rows of length one that stay within bounds.
+    turned (n + M, N): Q, then kept rows times Q, then the stage's two-sided rows times Q. work (M, N): rows being factored,
+    times Q. B (n, n): w = B z. tall: flat, a transposed tall L. tau, order, residual, lengths (M,), right (M padded).
+    c, sharp (n,): the QP's target and the curvature's root. x, start, least, z (N,): the point, where it began, the least
+    violation of the hard rows, a vector in columns of Q. guess_x (p + 2, n), guess_y (p + 2, M): warm starts by stage.
+    qp: flat, see `qp_parts`. row, column (M,): reflectors. kept_ids, E, S (M,): row numbers of what is kept, of the stage's
+    equalities and of its two-sided rows. pivot (n,). known (p + 2,): which warm starts there are. side (M,): which rows
+    left at which bound. leaves (M,): which rows of the stage's QP are about to. offsets (p + 2,): stage k has rows
+    offsets[k] ... offsets[k + 1] - 1.
     """
 
     raw: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
-    x: np.ndarray
-    start: np.ndarray
-    least: np.ndarray
-    Z: np.ndarray
     A: np.ndarray
     low: np.ndarray
     up: np.ndarray
-    T: np.ndarray
-    Z0: np.ndarray
     kept: np.ndarray
     kept_lower: np.ndarray
     kept_upper: np.ndarray
+    turned: np.ndarray
+    work: np.ndarray
+    B: np.ndarray
+    tall: np.ndarray
+    tau: np.ndarray
+    order: np.ndarray
+    residual: np.ndarray
     lengths: np.ndarray
-    eye: np.ndarray
+    right: np.ndarray
+    c: np.ndarray
+    sharp: np.ndarray
+    x: np.ndarray
+    start: np.ndarray
+    least: np.ndarray
+    z: np.ndarray
     guess_x: np.ndarray
     guess_y: np.ndarray
     qp: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
     kept_ids: np.ndarray
+    E: np.ndarray
     S: np.ndarray
+    pivot: np.ndarray
     known: np.ndarray
     side: np.ndarray
+    leaves: np.ndarray
     offsets: np.ndarray
 
 
-@kernel
+@lean
 def qp_parts(t, m, soft):
     """Where the parts of a QP begin in `Desk.qp`, and the length of all.
 
@@ -78,63 +95,79 @@ def qp_parts(t, m, soft):
     return t, rows, lower, upper, guess_t, guess_y, H, g, C, low, up, start, start + full
 
 
-@kernel
-def desk_size(n, M, p):
-    """(length of `numbers`, of `counts`) for n unknowns, M rows and p levels."""
-    qp = qp_parts(n, M, M)[12]
-    numbers = SCALARS + M * n + 2 * M + 3 * n + n * n + M * n + 2 * M + 2 * n * n + M * n + 3 * M + n * n
-    numbers += (p + 2) * (2 * n + M) + qp
-    return numbers, SIZES + 2 * M + (p + 2) + (M + n) + (p + 2)
+@lean
+def desk_parts(n, M, p):
+    """Where the groups of arrays begin in `numbers` and, the last two, in `counts`, and the lengths of both.
+
+    Groups of equal arrays: (M, n) raw; (M, N) A, kept, work; turned; B; tall; (M,) ten of them; right; (n,) c, sharp;
+    (N,) x, start, least, z; guess_x; guess_y; qp. Then (M,) row, column, kept_ids, E, S, side, leaves; the others.
+    """
+    N_ = (n + 7) // 8 * 8
+    high = (M + 7) // 8 * 8
+    wide = SCALARS + M * n
+    turned = wide + 3 * M * N_
+    B = turned + (n + M) * N_
+    tall = B + n * n
+    rows = tall + n * high
+    right = rows + 10 * M
+    short = right + high
+    vectors = short + 2 * n
+    guess_x = vectors + 4 * N_
+    guess_y = guess_x + (p + 2) * n
+    qp = guess_y + (p + 2) * M
+    others = SIZES + 7 * M
+    return (
+        wide, turned, B, tall, rows, right, short, vectors, guess_x, guess_y, qp, qp + qp_parts(n, M, M)[12],
+        others, others + n + 2 * (p + 2),
+    )  # fmt: skip
 
 
 @inlined
 def desk_of(numbers, counts):
     """The views of `Desk`."""
     n = counts[N]
-    M_ = counts[M]
+    m = counts[M]
     stages = counts[P] + 2
-    o = SCALARS
-    raw = numbers[o : o + M_ * n].reshape((M_, n))
-    o += M_ * n
-    lower = numbers[o : o + M_]
-    o += M_
-    upper = numbers[o : o + M_]
-    o += M_
-    x = numbers[o : o + n]
-    o += n
-    start = numbers[o : o + n]
-    o += n
-    least = numbers[o : o + n]
-    o += n
-    Z = numbers[o : o + n * n]
-    o += n * n
-    A = numbers[o : o + M_ * n]
-    o += M_ * n
-    low = numbers[o : o + M_]
-    o += M_
-    up = numbers[o : o + M_]
-    o += M_
-    T_ = numbers[o : o + n * n]
-    o += n * n
-    Z0 = numbers[o : o + n * n]
-    o += n * n
-    kept = numbers[o : o + M_ * n].reshape((M_, n))
-    o += M_ * n
-    kept_lower = numbers[o : o + M_]
-    o += M_
-    kept_upper = numbers[o : o + M_]
-    o += M_
-    lengths = numbers[o : o + M_]
-    o += M_
-    eye = numbers[o : o + n * n].reshape((n, n))
-    o += n * n
-    guess_x = numbers[o : o + stages * n].reshape((stages, n))
-    o += stages * n
-    guess_y = numbers[o : o + stages * (M_ + n)].reshape((stages, M_ + n))
-    o += stages * (M_ + n)
-    q = SIZES
+    wide, turned, B, tall, rows, right, short, vectors, guess_x, guess_y, qp, _, others, end = desk_parts(
+        n, m, counts[P]
+    )
+    N_ = (n + 7) // 8 * 8
     return Desk(
-        raw, lower, upper, x, start, least, Z, A, low, up, T_, Z0, kept, kept_lower, kept_upper, lengths, eye, guess_x,
-        guess_y, numbers[o:], counts[q : q + M_], counts[q + M_ : q + 2 * M_], counts[q + 2 * M_ : q + 2 * M_ + stages],
-        counts[q + 2 * M_ + stages : q + 3 * M_ + n + stages], counts[q + 3 * M_ + n + stages :],
-    )  # fmt: skip
+        numbers[SCALARS:wide].reshape((m, n)),
+        numbers[rows : rows + m],
+        numbers[rows + m : rows + 2 * m],
+        numbers[wide : wide + m * N_].reshape((m, N_)),
+        numbers[rows + 2 * m : rows + 3 * m],
+        numbers[rows + 3 * m : rows + 4 * m],
+        numbers[wide + m * N_ : wide + 2 * m * N_].reshape((m, N_)),
+        numbers[rows + 4 * m : rows + 5 * m],
+        numbers[rows + 5 * m : rows + 6 * m],
+        numbers[turned:B].reshape((n + m, N_)),
+        numbers[wide + 2 * m * N_ : turned].reshape((m, N_)),
+        numbers[B:tall].reshape((n, n)),
+        numbers[tall:rows],
+        numbers[rows + 6 * m : rows + 7 * m],
+        numbers[rows + 7 * m : rows + 8 * m],
+        numbers[rows + 8 * m : rows + 9 * m],
+        numbers[rows + 9 * m : right],
+        numbers[right:short],
+        numbers[short : short + n],
+        numbers[short + n : vectors],
+        numbers[vectors : vectors + N_],
+        numbers[vectors + N_ : vectors + 2 * N_],
+        numbers[vectors + 2 * N_ : vectors + 3 * N_],
+        numbers[vectors + 3 * N_ : guess_x],
+        numbers[guess_x:guess_y].reshape((stages, n)),
+        numbers[guess_y:qp].reshape((stages, m)),
+        numbers[qp:],
+        counts[SIZES : SIZES + m],
+        counts[SIZES + m : SIZES + 2 * m],
+        counts[SIZES + 2 * m : SIZES + 3 * m],
+        counts[SIZES + 3 * m : SIZES + 4 * m],
+        counts[SIZES + 4 * m : SIZES + 5 * m],
+        counts[others : others + n],
+        counts[others + n : others + n + stages],
+        counts[SIZES + 5 * m : SIZES + 6 * m],
+        counts[SIZES + 6 * m : others],
+        counts[others + n + stages : end],
+    )

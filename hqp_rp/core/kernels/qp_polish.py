@@ -7,7 +7,9 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import lower_block, lq, tall_least_squares, turn_back_reflectors, turn_forward
+from hqp_rp.core.problem import FloatArray
 
 ACTIVE = 1e-7  # Multipliers and violations of a scaled QP above this count as nonzero at first.
 FEASIBLE = 1e-13  # Rounding of a scaled QP's rows, relative to their terms.
@@ -45,9 +47,9 @@ def active_answer(M, target, G, bound, t, multipliers):
     nt = len(t)
     a = len(G)
     m = len(M)
-    work = np.empty((a + m, nt))
-    work[:a] = G
-    work[a:] = M
+    work = np.zeros((a + m, padded(nt)))
+    work[:a, :nt] = G
+    work[a:, :nt] = M
     order = np.arange(a + m) * 1.0
     ref_row = np.empty(a + m, np.int64)
     ref_col = np.empty(a + m, np.int64)
@@ -62,7 +64,7 @@ def active_answer(M, target, G, bound, t, multipliers):
     L = lower_block(work, a, a + m, rW, r)
     new = t.copy()
     for _ in range(2):  # The second pass refines what the factorization lost.
-        step = np.zeros(nt)
+        step = np.zeros(work.shape[1])
         for i in range(rW):
             row = int(order[i])
             s = bound[row]
@@ -84,10 +86,10 @@ def active_answer(M, target, G, bound, t, multipliers):
             tall_least_squares(L.copy(), residual)
             step[rW : rW + r] = residual[:r]
         turn_back_reflectors(work, step, 0, rW + r, ref_row, ref_col, ref_tau)
-        new += step
+        new += step[:nt]
     multipliers[:] = 0.0
     if rW:
-        gradient = np.zeros(nt)
+        gradient = np.zeros(work.shape[1])
         for i in range(m):
             s = -target[i]
             for j in range(nt):
@@ -104,18 +106,8 @@ def active_answer(M, target, G, bound, t, multipliers):
 
 
 @kernel
-def polish(hessian, gradient, rows, lower, upper, soft, t, y):
-    """The exact answer on the active rows that (t, y) points at, or (t, y) when those rows are not the right ones.
-
-    With hard rows G at their bounds and soft rows M violated, solves `min ||S w - c||^2 + ||M t - bounds||^2` subject
-    to `G t = bounds` by orthogonal factorization, as a least correction of t. Rows that turn out violated, or held by a
-    multiplier of the wrong sign, change sides; after a bounded number of passes without agreement the answer stays as it was.
-
-    Source: solution polishing, Stellato, Banjac, Goulart, Bemporad and Boyd 2020, with changes of the set.
-
-    Args:
-        hessian, gradient, rows, lower, upper, soft: of a `SlackQP`. t: (n,), y: (m,), what a back end answered.
-    """
+def polish_in_place(hessian, gradient, rows, lower, upper, soft, t, y):
+    """(t, y) <- `polish`."""
     nt = len(t)
     m = len(y)
     length = np.empty(m)
@@ -141,7 +133,7 @@ def polish(hessian, gradient, rows, lower, upper, soft, t, y):
     for turn in range(PASSES):
         for old in range(turn):
             if np.all(seen[old] == side):
-                return t, y
+                return
         seen[turn] = side
         v = 0
         a = 0
@@ -233,10 +225,36 @@ def polish(hessian, gradient, rows, lower, upper, soft, t, y):
             before = objective(hessian, gradient, rows, lower, upper, soft, t)
             after = objective(hessian, gradient, rows, lower, upper, soft, new)
             if after <= before + 1e-7 * (1.0 + before):
-                return new, slack_y
-            return t, y
+                t[:] = new
+                y[:] = slack_y
+            return
         if wrong_hard >= 0 and not missing_hard:
             # One at a time: letting several hard rows go at once may lose one that is needed.
             following[wrong_hard] = 0
         side = following
+
+
+def polish(
+    hessian: FloatArray,
+    gradient: FloatArray,
+    rows: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    soft: int,
+    t: FloatArray,
+    y: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """The exact answer on the active rows that (t, y) points at, or (t, y) when those rows are not the right ones.
+
+    With hard rows G at their bounds and soft rows M violated, solves `min ||S w - c||^2 + ||M t - bounds||^2` subject
+    to `G t = bounds` by orthogonal factorization, as a least correction of t. Rows that turn out violated, or held by a
+    multiplier of the wrong sign, change sides; after a bounded number of passes without agreement the answer stays as it was.
+
+    Source: solution polishing, Stellato, Banjac, Goulart, Bemporad and Boyd 2020, with changes of the set.
+
+    Args:
+        hessian, gradient, rows, lower, upper, soft: of a `SlackQP`. t: (n,), y: (m,), what a back end answered.
+    """
+    t, y = t.copy(), y.copy()
+    polish_in_place(hessian, gradient, rows, lower, upper, soft, t, y)
     return t, y
