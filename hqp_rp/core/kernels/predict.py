@@ -19,8 +19,8 @@ import numpy as np
 from hqp_rp.core.kernels.compile import kernel
 from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import lq
-from hqp_rp.core.kernels.rows import GUESS, KEPT, LOW, STATE, UP, VALUE, gather, level_norm
-from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
+from hqp_rp.core.kernels.rows import GUESS, KEPT, LOW, STATE, UP, VALUE, level_norm
+from hqp_rp.core.kernels.vector import add_multiple, copy_row, dot_row, sum_of_squares
 
 WEIGHT = 1e-4
 VIOLATED = 1e-9  # of a row's length in u
@@ -155,13 +155,13 @@ def least_distance(G, value, low, up, active, side, limit):
 
 
 @kernel
-def guess_working_set(rows, r0, r1, c0, goal):
+def guess_working_set(rows, r0, r1, c0, d, goal):
     """Put into `GUESS` the side of every kept row that is likely to be active at the minimum of level r0:r1, 0 for others.
 
-    All rows of the level must be equalities. goal (n,): where r0 == r1, what ||s - goal|| is minimized for.
+    All rows of the level must be equalities, and T up to date. d: the freedom, columns c0:c0 + d. goal (padded n,): where
+    r0 == r1, what ||s - goal|| is minimized for.
     """
     n = rows.R.shape[1]  # padded, as d is
-    d = len(rows.x) - c0
     m = r1 - r0
     K = 0
     for i in range(r0):
@@ -172,12 +172,12 @@ def guess_working_set(rows, r0, r1, c0, goal):
     K = 0
     for i in range(r0):
         if rows.flags[STATE, i] == KEPT:
-            gather(rows, i, c0, T, m + K)
+            copy_row(T, m + K, rows.T, i)
             which[0, K] = i
             K += 1
     target = np.empty(m)
     for i in range(m):
-        gather(rows, r0 + i, c0, T, i)
+        copy_row(T, i, rows.T, r0 + i)
         target[i] = rows.real[LOW, r0 + i] - rows.real[VALUE, r0 + i]
     G = np.zeros((K, padded(d)))
     bounds = np.empty((3, K))

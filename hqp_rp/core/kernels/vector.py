@@ -264,3 +264,68 @@ def add_multiple(_: Any, y: Any, V: Any, t: Any, factor: Any) -> Any:
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+@_emitted
+def copy_row(_: Any, W: Any, i: Any, V: Any, t: Any) -> Any:
+    """copy_row(W, i, V, t): row i of W <- row t of V, as long."""
+    signature = types.void(W, types.int64, V, types.int64)
+
+    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+        array, first, other, second = given
+        row = _Row(context, builder, sig.args[0], array, first, _integer(0))
+        copied = _Row(context, builder, sig.args[2], other, second, _integer(0))
+        row.store(copied.load(_integer(0)), _integer(0))
+        _further_chunks(builder, row, lambda chunk: row.store(copied.load(chunk), chunk))
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@_emitted
+def scale_row(_: Any, W: Any, i: Any, factor: Any) -> Any:
+    """scale_row(W, i, factor): row i is multiplied; returns its sum of squares."""
+    signature = types.float64(W, types.int64, types.float64)
+
+    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+        array, which, scale = given
+        row = _Row(context, builder, sig.args[0], array, which, _integer(0))
+        factors = _spread(builder, scale)
+
+        def scaled(chunk: Any) -> list[tuple[Any, Any]]:
+            entries = builder.fmul(row.load(chunk), factors)
+            row.store(entries, chunk)
+            return [(entries, entries)]
+
+        return _sum_of_products(builder, scaled(_integer(0)), row, scaled)[0]
+
+    return signature, codegen
+
+
+@_emitted
+def largest_of_row(_: Any, W: Any, i: Any) -> Any:
+    """largest_of_row(W, i): the largest magnitude in row i, inf where an entry is not finite."""
+    signature = types.float64(W, types.int64)
+
+    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+        array, which = given
+        row = _Row(context, builder, sig.args[0], array, which, _integer(0))
+        infinite = _all(float("inf"))
+
+        def size(chunk: Any) -> Any:
+            entries = row.load(chunk)
+            sizes = builder.select(builder.fcmp_ordered("<", entries, _all(0.0)), builder.fneg(entries), entries)
+            return builder.select(builder.fcmp_ordered("<", sizes, infinite), sizes, infinite)
+
+        most = cgutils.alloca_once_value(builder, size(_integer(0)))
+
+        def compare(chunk: Any) -> None:
+            sizes, so_far = size(chunk), builder.load(most)
+            builder.store(builder.select(builder.fcmp_ordered(">", sizes, so_far), sizes, so_far), most)
+
+        _further_chunks(builder, row, compare)
+        kind = ir.FunctionType(_DOUBLE, [_CHUNK])
+        reduce = cgutils.get_or_insert_function(builder.module, kind, f"llvm.vector.reduce.fmax.v{WIDTH}f64")
+        return builder.call(reduce, [builder.load(most)])
+
+    return signature, codegen
