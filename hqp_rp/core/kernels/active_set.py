@@ -63,6 +63,7 @@ from hqp_rp.core.kernels.rows import (
     FIXED,
     KEPT,
     LOW,
+    NONE,
     NORM,
     STATE,
     UP,
@@ -167,15 +168,15 @@ def search_level(address, k, r0, r1, last, nW, c0, tol, depends, pivoted, allowe
     end = r1
     most = room.turns.shape[1] - c0
     blocks = BLOCK_PIVOTS
-    bland = False
-    idle = 0
+    idle = NONE
+    bland = idle > room.turns.shape[1]
     iterations = 0
     guess = guessable(rows, r0, r1)
     entered = room.lists[ENTERED]
     while True:
         iterations += 1
         if iterations > allowed:
-            return LIMIT, iterations, nW, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0
+            return LIMIT, iterations, nW, nW, nW, nW, nW, nW, 0.0, 0.0, 0.0
         if pivoted and guess:
             guess = False
             nW = enter_guess(address, k, r0, r1, last, nW, c0)
@@ -293,7 +294,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
     """
     M, n = A.shape
     p = len(offsets) - 1
-    largest = 0
+    largest = NONE
     for k in range(p):
         largest = max(largest, offsets[k + 1] - offsets[k])
     block = np.empty(words(M, n, p, largest), np.int64)
@@ -341,12 +342,10 @@ def search_levels(address, offsets, hard_rows, tol, limit, go_on):
     M = rows.R.shape[0]
     p = len(offsets) - 1
     depends = max(tol, 1e-12)  # a kept row whose free part is smaller than this depends on the working set
-    iterations = 0
-    contradicting = 0
+    iterations = contradicting = NONE
     smallest = np.inf
     size = length_of(room.vectors, POINT)
-    nW = 0
-    c0 = 0
+    nW = c0 = NONE
     for k in range(p + 1):
         last = k == p
         r0 = offsets[k] if not last else M
@@ -357,12 +356,13 @@ def search_levels(address, offsets, hard_rows, tol, limit, go_on):
         counts = enter_level(address, r0, r1, size)
         if not counts and not last:  # met where the search stands
             settle(address, r0, r1, nW, hard_rows, 0.0, size)
-            keep_turns(address, k, 0, 0, c0)
+            keep_turns(address, k, NONE, NONE, c0)
             continue
         turn_rows(address, r0, r1, k)
         nW = enter_guessed(address, r0, nW, n - c0)
         started = nW
-        factored, r, rank, turned, residual = 0, 0, 0, 0, 0.0
+        factored = r = rank = turned = NONE
+        residual = 0.0
         met = False
         if not last:
             met, tried, nW, nB, pivot, size, finite_point = meet_level(
@@ -387,7 +387,7 @@ def search_levels(address, offsets, hard_rows, tol, limit, go_on):
         if contradicting and not go_on:
             return INFEASIBLE, iterations
         if count == 0:
-            factored, r, rank, turned = 0, 0, 0, 0
+            factored = r = rank = turned = NONE
         elif held < factored or count - held < nB:  # not the set of the last factorization
             factored, r, rank, turned = factor_determined(address, k, r0, r1, held, count, c0, tol, depends)
         c0 += factored + rank

@@ -16,6 +16,7 @@ from hqp_rp.core.kernels.rows import (
     GUESS,
     KEPT,
     LOW,
+    NONE,
     NORM,
     STATE,
     UP,
@@ -180,7 +181,7 @@ def pivot_block(address, end, r0, nW, nB, most, residual, size, span, depends):
     Returns (rows of W, rows that left, rows that entered or wanted to).
     """
     rows, room = at(address)
-    left = 0
+    left = NONE
     for i in range(nB):
         row = room.lists[COUNTED, i]
         if wrong_of_level(rows, row, size) > 0.0:
@@ -204,7 +205,7 @@ def pivot_block(address, end, r0, nW, nB, most, residual, size, span, depends):
 def enter_crossed(address, end, r0, nW, most, size, span, depends):
     """Every row that the step's end violates enters. Returns (rows of W, rows that entered or wanted to)."""
     rows, room = at(address)
-    crossed = 0
+    crossed = NONE
     for i in range(end):
         own = i >= r0
         if rows.flags[WORKING, i] or not (own or rows.flags[STATE, i] == KEPT) or not beyond(rows, i, size):
@@ -234,14 +235,14 @@ def enter_guess(address, k, r0, r1, last, nW, c0):
     """W becomes the guessed one; returns its size."""
     rows, room = at(address)
     n = room.turns.shape[1]
-    turn_rows(address, 0, r0, k)
+    turn_rows(address, NONE, r0, k)
     if last:
         toward_goal(address, k, NEXT)
     guess_working_set(rows, r0, r1, c0, n - c0, room.vectors[NEXT])
     entered = room.lists[ENTERED]
     for i in range(nW):
         release(rows, entered[i])
-    count = 0
+    count = NONE
     for i in range(r0):
         if rows.flags[GUESS, i] != 0 and rows.flags[STATE, i] == KEPT and count < n - c0:
             activate(rows, i, rows.flags[GUESS, i])

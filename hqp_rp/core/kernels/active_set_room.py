@@ -10,7 +10,7 @@ from hqp_rp.core.kernels.by_address import COUNT, COUNTS, ENTRIES, MATRIX, PAGES
 from hqp_rp.core.kernels.compile import lean
 from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import turn_back_by, turn_forward_by
-from hqp_rp.core.kernels.rows import FIXED, FLAGS, REALS, STATE, TURNS, Rows
+from hqp_rp.core.kernels.rows import FIXED, FLAGS, NONE, REALS, STATE, TURNS, Rows
 from hqp_rp.core.kernels.vector import copy_row, reflect_four_rows, reflect_row
 
 ENTERED, COUNTED, REF_ROW, REF_COL, DONE_COL = range(5)
@@ -49,53 +49,50 @@ at = arrays_at(
 """rows, room = at(address)."""
 
 ARRAYS = len(Rows._fields) + len(Room._fields)
-TABLE = ENTRIES * ARRAYS
+SIDE = Rows._fields.index("side")
 LINE = 8  # eight-byte words of a cache line: a row of eight entries lies in one
+
+ONE = np.int64(1)
 
 
 @lean
-def listed(M, n, largest):
-    """The length of a list, for levels of up to `largest` rows, M in all."""
-    return max(padded(n) + largest + 1, M)
+def shapes(M, n, p, largest):
+    """The shapes of the arrays in their order, all but `side`, for p levels of up to `largest` rows, M in all."""
+    N = padded(n)
+    size = max(N + largest + 1, M)
+    return (
+        (M, N, ONE), (M, N, ONE), (REALS, M, ONE), (FLAGS, M, ONE),
+        (N + largest + 1, N, ONE),
+        (M, N, ONE),  # a level cut by the rank rule turns more often than it takes directions
+        (p + 1, n, n),  # pages that no SVD writes to are never touched
+        (p + 1, 4 * ONE, ONE), (5 * ONE, size, ONE), (6 * ONE, size, ONE), (5 * ONE, N, ONE),
+    )  # fmt: skip
 
 
 @lean
 def words(M, n, p, largest):
-    """Eight-byte words of the room for p levels of up to `largest` rows, M in all."""
-    N = padded(n)
-    size = listed(M, n, largest)
-    rows = 2 * M * N + (REALS + FLAGS) * M
-    room = (N + largest + 1) * N + M * N + (p + 1) * (n * n + 4) + (5 + 6) * size + 5 * N
-    return TABLE + rows + room + LINE * (1 + ARRAYS)
+    """Eight-byte words that the arrays and their table take."""
+    total = ENTRIES * ARRAYS + LINE
+    for i, j, k in shapes(M, n, p, largest):
+        total += i * j * k + LINE
+    return total
 
 
 @lean
 def lay_out(block, side, M, n, p, largest):
     """Divide a block of `words` integers among the arrays; returns the address for `at`. Nothing is written to them."""
-    N = padded(n)
-    size = listed(M, n, largest)
-    table = block.ctypes.data
-    free = (table + 8 * TABLE + 63) // 64 * 64
-    free = place(block, 0, free, M, N, 1)
-    free = place(block, 1, free, M, N, 1)
-    free = place(block, 2, free, REALS, M, 1)
-    free = place(block, 3, free, FLAGS, M, 1)
-    enter(block, 4, side.ctypes.data, M, 1, 1)
-    free = place(block, 5, free, N + largest + 1, N, 1)
-    free = place(block, 6, free, M, N, 1)  # a level cut by the rank rule turns more often than it takes directions
-    free = place(block, 8, free, p + 1, 4, 1)
-    free = place(block, 9, free, 5, size, 1)
-    free = place(block, 10, free, 6, size, 1)
-    free = place(block, 11, free, 5, N, 1)
-    place(block, 7, free, p + 1, n, n)  # pages that no SVD writes to are never touched
-    return table
-
-
-@lean
-def place(block, number, free, i, j, k):
-    """Give the array the space from address `free`; returns where the next one may begin, at a line of the cache."""
-    enter(block, number, free, i, j, k)
-    return free + (i * j * k + LINE - 1) // LINE * LINE * 8
+    address = np.int64(block.ctypes.data)
+    free = address + 8 * ENTRIES * ARRAYS
+    number = NONE
+    for i, j, k in shapes(M, n, p, largest):
+        if number == SIDE:
+            enter(block, number, np.int64(side.ctypes.data), M, ONE, ONE)
+            number += 1
+        free = (free + 63) // 64 * 64
+        enter(block, number, free, i, j, k)
+        free += i * j * k * 8
+        number += 1
+    return address
 
 
 @lean

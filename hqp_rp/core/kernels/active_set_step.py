@@ -25,7 +25,7 @@ from hqp_rp.core.kernels.active_set_room import (
 from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.householder import householder, longest_row
 from hqp_rp.core.kernels.orthogonal import EPS, inverse_norm, level_least_squares, svd_level, turn_back_by
-from hqp_rp.core.kernels.rows import NORM, VALUE, WORKING, bound_of, level_norm, miss, release
+from hqp_rp.core.kernels.rows import NONE, NORM, TURNS, VALUE, WORKING, bound_of, level_norm, miss, release
 from hqp_rp.core.kernels.vector import (
     add_multiple,
     copy_row,
@@ -44,7 +44,8 @@ def gather_held(address, rows, room, levels, nW, top):
     """Copy W, each row divided by the norm of the whole row (a row of zeros stays one), to the matrix at `top`."""
     for i in range(nW):
         row = room.lists[ENTERED, i]
-        turn_rows(address, row, row + 1, levels)
+        if rows.flags[TURNS, row] != levels:
+            turn_rows(address, row, row + 1, levels)
         copy_row(room.matrix, top + i, rows.T, row)
         norm = rows.real[NORM, row]
         if norm > 0.0:
@@ -63,7 +64,7 @@ def gather_counted(rows, room, first, count, top):
 @inlined
 def list_counted(rows, room, r0, r1):
     """B: the working rows of the level; returns how many."""
-    count = 0
+    count = NONE
     for i in range(r0, r1):
         if rows.flags[WORKING, i]:
             room.lists[COUNTED, count] = i
@@ -134,7 +135,7 @@ def factor_level(address, r0, r1, top, count, end, c0, t0, tol):
     n = room.turns.shape[1]
     norm = level_norm(rows, r0, r1)
     if count == 0 or c0 >= n or norm == 0.0:
-        return 0, True, np.inf
+        return NONE, True, np.inf
     floor = min(64.0 * EPS, tol / math.sqrt(min(count, room.matrix.shape[1]))) * norm
     r = lq(address, top, top + count, c0, end, floor, t0)
     pivot = np.inf
@@ -155,7 +156,7 @@ def answer_level(address, k, r0, r1, top, count, c0, r, proven, smallest, tol):
     target = room.real[TARGET]
     step = room.vectors[STEP]
     if r == 0:
-        return 0, 0, np.inf
+        return r, r, np.inf
     if not proven:
         rank, pivot = svd_level(
             room.matrix, room.turns.shape[1], top, top + count, c0, top + count, r, rows.R, r0, r1, 1.0, tol, target,
@@ -165,7 +166,7 @@ def answer_level(address, k, r0, r1, top, count, c0, r, proven, smallest, tol):
     level_least_squares(room.matrix, top, top + count, c0, r, target)
     for i in range(r):
         step[c0 + i] = target[i]
-    return r, 0, smallest
+    return r, NONE, smallest
 
 
 @lean
@@ -180,7 +181,7 @@ def reach_level(address, k, r0, r1, nW, nB, c0, tol, size):
     work = room.matrix
     gather_counted(rows, room, 0, nB, 0)
     gather_held(address, rows, room, k, nW, nB)
-    r, proven, pivot = factor_level(address, r0, r1, 0, nB, nB + nW, c0, 0, tol)
+    r, proven, pivot = factor_level(address, r0, r1, NONE, nB, nB + nW, c0, NONE, tol)
     if r < nB or not proven:
         return False, 0.0, 0.0
     if nW and lq(address, nB, nB + nW, c0 + nB, nB + nW, APART, nB) < nW:
@@ -214,8 +215,8 @@ def factor_held(address, k, nW, nB, c0, depends):
     gather_held(address, rows, room, k, nW, 0)
     gather_counted(rows, room, 0, nB, nW)
     if nW == 0:
-        return 0
-    rW = lq(address, 0, nW, c0, nW + nB, depends, 0)
+        return nW
+    rW = lq(address, NONE, nW, c0, nW + nB, depends, NONE)
     if rW < nW:
         for i in range(rW, nW):
             release(rows, entered[int(origin[i])])
@@ -225,6 +226,15 @@ def factor_held(address, k, nW, nB, c0, depends):
             entered[i] = int(room.real[TARGET, i])
             origin[i] = i
     return rW
+
+
+@inlined
+def toward_goal(address, levels, step):
+    """Row `step` of `vectors` <- goal - x, in the coordinates of the freedom that finished levels left."""
+    _, room = at(address)
+    copy_row(room.vectors, step, room.vectors, GOAL)
+    add_multiple(room.vectors[step], room.vectors, POINT, -1.0)
+    to_free(address, levels, step + NONE)
 
 
 @lean
@@ -260,9 +270,7 @@ def step_to_minimizer(address, k, r0, r1, last, top, rW, nB, c0, tol, size):
         step[c0 + i] = s / work[i, c0 + i]
         if last:
             room.real[GRADIENT, i] += step[c0 + i]
-    r = 0
-    rank = 0
-    turned = 0
+    r = rank = turned = NONE
     pivot = np.inf
     if nB:
         r, proven, smallest = factor_level(address, r0, r1, top, nB, top + nB, c0 + rW, rW, tol)
@@ -281,15 +289,6 @@ def step_to_minimizer(address, k, r0, r1, last, top, rW, nB, c0, tol, size):
 
 
 @lean
-def toward_goal(address, levels, step):
-    """Row `step` of `vectors` <- goal - x, in the coordinates of the freedom that finished levels left."""
-    _, room = at(address)
-    copy_row(room.vectors, step, room.vectors, GOAL)
-    add_multiple(room.vectors[step], room.vectors, POINT, -1.0)
-    to_free(address, levels, step)
-
-
-@lean
 def factor_determined(address, k, r0, r1, held, count, c0, tol, depends):
     """Factor what a level determined, where that is not the working set of its last step: `held` rows of W, then its own.
 
@@ -303,7 +302,7 @@ def factor_determined(address, k, r0, r1, held, count, c0, tol, depends):
             scale_row(room.matrix, i, 1.0 / norm)
     for i in range(count):
         room.real[TARGET, i] = 0.0
-    rW = lq(address, 0, held, c0, count, depends, 0) if held else 0
+    rW = lq(address, NONE, held, c0, count, depends, NONE)
     r, proven, smallest = factor_level(address, r0, r1, held, count - held, count, c0 + rW, rW, tol)
     rank, turned, _ = answer_level(address, k, r0, r1, held, count - held, c0 + rW, r, proven, smallest, tol)
     return rW, r, rank, turned

@@ -9,7 +9,7 @@ import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.orthogonal import EPS
-from hqp_rp.core.kernels.vector import dot_row, largest_of_row, scale_row
+from hqp_rp.core.kernels.vector import dot_row, inverse_power, largest_of_rows, scale_row
 
 WAITING = 0  # of a level that has not been reached
 KEPT = 1  # must stay within its bounds
@@ -17,8 +17,11 @@ FIXED = 2  # determined: its value stays as it is
 
 LOW, UP, NORM, VALUE, CHANGE, BEFORE = range(6)
 STATE, WORKING, GUESS, CONFLICT, TURNS = range(5)
-REALS = 6
-FLAGS = 5
+REALS = np.int64(6)
+FLAGS = np.int64(5)
+
+NONE = np.int64(0)
+"""Zero where it is handed to a kernel: for a literal 0 numba would compile the kernel once more."""
 
 
 class Rows(NamedTuple):
@@ -50,14 +53,12 @@ def load_rows(rows, A, lower, upper, offsets):
         for j in range(n, rows.R.shape[1]):
             rows.R[i, j] = 0.0
     for k in range(len(offsets) - 1):
-        big = 0.0
-        for i in range(offsets[k], offsets[k + 1]):
-            big = max(big, largest_of_row(rows.R, i))
+        big = largest_of_rows(rows.R, offsets[k], offsets[k + 1])
         s = 1.0
         if not big < np.inf:
             finite = False
         elif big > 0.0:
-            s = math.ldexp(1.0, max(-1000, min(1000, -math.frexp(big)[1])))
+            s = inverse_power(big)
         for i in range(offsets[k], offsets[k + 1]):
             rows.real[NORM, i] = math.sqrt(scale_row(rows.R, i, s))
             low = lower[i] * s

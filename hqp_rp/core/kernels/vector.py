@@ -303,29 +303,38 @@ def scale_row(_: Any, W: Any, i: Any, factor: Any) -> Any:
 
 
 @_emitted
-def largest_of_row(_: Any, W: Any, i: Any) -> Any:
-    """largest_of_row(W, i): the largest magnitude in row i, inf where an entry is not finite."""
-    signature = types.float64(W, types.int64)
+def largest_of_rows(_: Any, W: Any, i0: Any, i1: Any) -> Any:
+    """largest_of_rows(W, i0, i1): the largest magnitude in rows i0:i1, inf where an entry is not finite; 0 without rows."""
+    signature = types.float64(W, types.int64, types.int64)
 
     def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        array, which = given
-        row = _Row(context, builder, sig.args[0], array, which, _integer(0))
+        array, first, end = given
+        row = _Row(context, builder, sig.args[0], array, first, _integer(0))
         infinite = _all(float("inf"))
-
-        def size(chunk: Any) -> Any:
-            entries = row.load(chunk)
+        most = cgutils.alloca_once_value(builder, _all(0.0))
+        chunks = builder.mul(builder.sub(end, first), builder.lshr(row.columns, _integer(3)))
+        with cgutils.for_range(builder, chunks) as loop:
+            entries, so_far = row.load(loop.index), builder.load(most)
             sizes = builder.select(builder.fcmp_ordered("<", entries, _all(0.0)), builder.fneg(entries), entries)
-            return builder.select(builder.fcmp_ordered("<", sizes, infinite), sizes, infinite)
-
-        most = cgutils.alloca_once_value(builder, size(_integer(0)))
-
-        def compare(chunk: Any) -> None:
-            sizes, so_far = size(chunk), builder.load(most)
+            sizes = builder.select(builder.fcmp_ordered("<", sizes, infinite), sizes, infinite)
             builder.store(builder.select(builder.fcmp_ordered(">", sizes, so_far), sizes, so_far), most)
-
-        _further_chunks(builder, row, compare)
         kind = ir.FunctionType(_DOUBLE, [_CHUNK])
         reduce = cgutils.get_or_insert_function(builder.module, kind, f"llvm.vector.reduce.fmax.v{WIDTH}f64")
-        return builder.call(reduce, [builder.load(most)])
+        return builder.call(reduce, [builder.load(most)], fastmath=("nnan",))
 
     return signature, codegen
+
+
+@_emitted
+def inverse_power(_: Any, big: Any) -> Any:
+    """inverse_power(big): 2^-e of big = m 2^e, 0.5 <= m < 1, for normal numbers; never beyond 2^1000 or 2^-1000."""
+
+    def codegen(_: Any, builder: Any, sig: Any, given: Any) -> Any:
+        exponent = builder.and_(builder.lshr(builder.bitcast(given[0], _INT), _integer(52)), _integer(2047))
+        inverse = builder.sub(_integer(2045), exponent)  # each is biased by 1023, and m is not in [1, 2)
+        low, high = _integer(23), _integer(2023)
+        inverse = builder.select(builder.icmp_signed("<", inverse, low), low, inverse)
+        inverse = builder.select(builder.icmp_signed(">", inverse, high), high, inverse)
+        return builder.bitcast(builder.shl(inverse, _integer(52)), _DOUBLE)
+
+    return types.float64(types.float64), codegen
