@@ -11,7 +11,8 @@ from hqp_rp.core.kernels.compile import lean
 from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import turn_back_by, turn_forward_by
 from hqp_rp.core.kernels.rows import FIXED, FLAGS, NONE, REALS, STATE, TURNS, Rows
-from hqp_rp.core.kernels.vector import copy_row, reflect_four_rows, reflect_row
+from hqp_rp.core.kernels.vector import reflect_four_rows, reflect_row
+from hqp_rp.core.kernels.vector_rows import copy_row
 
 ENTERED, COUNTED, REF_ROW, REF_COL, DONE_COL = range(5)
 ORIGIN, TARGET, MULTIPLIER, GRADIENT, REF_TAU, DONE_TAU = range(6)

@@ -28,12 +28,13 @@ from hqp_rp.core.kernels.orthogonal import EPS, inverse_norm, level_least_square
 from hqp_rp.core.kernels.rows import NONE, NORM, TURNS, VALUE, WORKING, bound_of, level_norm, miss, release
 from hqp_rp.core.kernels.vector import (
     add_multiple,
-    copy_row,
     reflect_four_rows,
+    reflect_four_rows_by_raw,
     reflect_row,
-    scale_row,
+    reflect_row_by_raw,
     swap_rows,
 )
+from hqp_rp.core.kernels.vector_rows import copy_row, scale_row
 
 APART = 1e-3
 """A kept row of length one is held beside rows that are all met when this much of it is left in the freedom behind them."""
@@ -92,17 +93,19 @@ def lq(address, i0, i1, c0, end, floor, t0):
             swap = origin[top]
             origin[top] = origin[best]
             origin[best] = swap
-        tau = householder(work, top, c, norm)
-        room.lists[REF_ROW, t0 + j] = top
-        room.lists[REF_COL, t0 + j] = c
-        room.real[REF_TAU, t0 + j] = tau
+        alpha = work[top, c]
+        beta = -norm if alpha >= 0.0 else norm
+        factor = 1.0 / (beta * (beta - alpha))
         i = top + 1
         while i + 4 <= i1:
-            reflect_four_rows(work, i, work, top, c, tau)
+            reflect_four_rows_by_raw(work, i, top, c, beta, factor)
             i += 4
         while i < i1:
-            reflect_row(work, i, work, top, c, tau)
+            reflect_row_by_raw(work, i, top, c, beta, factor)
             i += 1
+        room.lists[REF_ROW, t0 + j] = top
+        room.lists[REF_COL, t0 + j] = c
+        room.real[REF_TAU, t0 + j] = householder(work, top, c, norm)
     i = i1
     while i + 4 <= end:
         for j in range(steps):

@@ -20,7 +20,8 @@ from hqp_rp.core.kernels.compile import kernel, lean
 from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import lq
 from hqp_rp.core.kernels.rows import GUESS, KEPT, LOW, NONE, STATE, UP, VALUE, level_norm
-from hqp_rp.core.kernels.vector import add_multiple, copy_row, dot_row, sum_of_squares
+from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
+from hqp_rp.core.kernels.vector_rows import copy_row
 
 WEIGHT = 1e-4
 VIOLATED = 1e-9  # of a row's length in u

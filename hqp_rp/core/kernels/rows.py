@@ -9,7 +9,8 @@ import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.orthogonal import EPS
-from hqp_rp.core.kernels.vector import dot_row, inverse_power, largest_of_rows, scale_row
+from hqp_rp.core.kernels.vector import dot_row
+from hqp_rp.core.kernels.vector_rows import inverse_power, largest_of_rows, scale_row
 
 WAITING = 0  # of a level that has not been reached
 KEPT = 1  # must stay within its bounds

@@ -266,75 +266,56 @@ def add_multiple(_: Any, y: Any, V: Any, t: Any, factor: Any) -> Any:
     return signature, codegen
 
 
-@_emitted
-def copy_row(_: Any, W: Any, i: Any, V: Any, t: Any) -> Any:
-    """copy_row(W, i, V, t): row i of W <- row t of V, as long."""
-    signature = types.void(W, types.int64, V, types.int64)
+def _reflect_rows_by_raw(count: int) -> Any:
+    @_emitted
+    def reflect(_: Any, W: Any, i: Any, t: Any, column: Any, beta: Any, factor: Any) -> Any:
+        signature = types.void(W, types.int64, types.int64, types.int64, types.float64, types.float64)
 
-    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        array, first, other, second = given
-        row = _Row(context, builder, sig.args[0], array, first, _integer(0))
-        copied = _Row(context, builder, sig.args[2], other, second, _integer(0))
-        row.store(copied.load(_integer(0)), _integer(0))
-        _further_chunks(builder, row, lambda chunk: row.store(copied.load(chunk), chunk))
-        return context.get_dummy_value()
+        def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
+            array, first, which, at, mapped, scale = given
+            by = _Row(context, builder, sig.args[0], array, which, at)
+            rows = [
+                _Row(context, builder, sig.args[0], array, builder.add(first, _integer(r)), at) for r in range(count)
+            ]
+            zero = _integer(0)
+            here, heads = _lanes(builder, "==", at), [row.load(zero) for row in rows]
+            raw = builder.select(_lanes(builder, ">=", at), by.load(zero), _all(0.0))
 
-    return signature, codegen
+            def more(chunk: Any) -> list[tuple[Any, Any]]:
+                v = by.load(chunk)
+                return [(row.load(chunk), v) for row in rows]
 
+            dots = _sum_of_products(builder, [(head, raw) for head in heads], by, more)
+            lane = builder.trunc(builder.and_(at, _integer(WIDTH - 1)), ir.IntType(32))
+            factors = []
+            for head, dot in zip(heads, dots, strict=True):
+                own = builder.fmul(mapped, builder.extract_element(head, lane), flags=_FAST)
+                factors.append(_spread(builder, builder.fmul(scale, builder.fsub(dot, own, flags=_FAST))))
+            v = builder.select(here, builder.fsub(raw, _spread(builder, mapped)), raw)
+            for row, head, times in zip(rows, heads, factors, strict=True):
+                row.store(builder.fsub(head, builder.fmul(times, v, flags=_FAST), flags=_FAST), zero)
 
-@_emitted
-def scale_row(_: Any, W: Any, i: Any, factor: Any) -> Any:
-    """scale_row(W, i, factor): row i is multiplied; returns its sum of squares."""
-    signature = types.float64(W, types.int64, types.float64)
+            def update(chunk: Any) -> None:
+                v = by.load(chunk)
+                for row, times in zip(rows, factors, strict=True):
+                    row.store(builder.fsub(row.load(chunk), builder.fmul(times, v, flags=_FAST), flags=_FAST), chunk)
 
-    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        array, which, scale = given
-        row = _Row(context, builder, sig.args[0], array, which, _integer(0))
-        factors = _spread(builder, scale)
+            _further_chunks(builder, by, update)
+            return context.get_dummy_value()
 
-        def scaled(chunk: Any) -> list[tuple[Any, Any]]:
-            entries = builder.fmul(row.load(chunk), factors)
-            row.store(entries, chunk)
-            return [(entries, entries)]
+        return signature, codegen
 
-        return _sum_of_products(builder, scaled(_integer(0)), row, scaled)[0]
-
-    return signature, codegen
-
-
-@_emitted
-def largest_of_rows(_: Any, W: Any, i0: Any, i1: Any) -> Any:
-    """largest_of_rows(W, i0, i1): the largest magnitude in rows i0:i1, inf where an entry is not finite; 0 without rows."""
-    signature = types.float64(W, types.int64, types.int64)
-
-    def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
-        array, first, end = given
-        row = _Row(context, builder, sig.args[0], array, first, _integer(0))
-        infinite = _all(float("inf"))
-        most = cgutils.alloca_once_value(builder, _all(0.0))
-        chunks = builder.mul(builder.sub(end, first), builder.lshr(row.columns, _integer(3)))
-        with cgutils.for_range(builder, chunks) as loop:
-            entries, so_far = row.load(loop.index), builder.load(most)
-            sizes = builder.select(builder.fcmp_ordered("<", entries, _all(0.0)), builder.fneg(entries), entries)
-            sizes = builder.select(builder.fcmp_ordered("<", sizes, infinite), sizes, infinite)
-            builder.store(builder.select(builder.fcmp_ordered(">", sizes, so_far), sizes, so_far), most)
-        kind = ir.FunctionType(_DOUBLE, [_CHUNK])
-        reduce = cgutils.get_or_insert_function(builder.module, kind, f"llvm.vector.reduce.fmax.v{WIDTH}f64")
-        return builder.call(reduce, [builder.load(most)], fastmath=("nnan",))
-
-    return signature, codegen
+    return reflect
 
 
-@_emitted
-def inverse_power(_: Any, big: Any) -> Any:
-    """inverse_power(big): 2^-e of big = m 2^e, 0.5 <= m < 1, for normal numbers; never beyond 2^1000 or 2^-1000."""
+reflect_row_by_raw = _reflect_rows_by_raw(1)
+"""reflect_row_by_raw(W, i, t, column, beta, factor): row i of W <- row - factor (row . v) v.
 
-    def codegen(_: Any, builder: Any, sig: Any, given: Any) -> Any:
-        exponent = builder.and_(builder.lshr(builder.bitcast(given[0], _INT), _integer(52)), _integer(2047))
-        inverse = builder.sub(_integer(2045), exponent)  # each is biased by 1023, and m is not in [1, 2)
-        low, high = _integer(23), _integer(2023)
-        inverse = builder.select(builder.icmp_signed("<", inverse, low), low, inverse)
-        inverse = builder.select(builder.icmp_signed(">", inverse, high), high, inverse)
-        return builder.bitcast(builder.shl(inverse, _integer(52)), _DOUBLE)
+v = (W[t, column] - beta, W[t, column + 1:]).
 
-    return types.float64(types.float64), codegen
+The same reflection as by `reflect_row` after `make_reflector`, by the row as it was before: with beta the entry that row t
+is mapped on and factor = 1 / (beta (beta - W[t, column])). The sum over the row need not wait for the root in beta.
+"""
+
+reflect_four_rows_by_raw = _reflect_rows_by_raw(4)
+"""The same for rows i ... i + 3 of W, side by side."""
