@@ -68,6 +68,8 @@ from hqp_rp.core.kernels.rows import (
     set_values,
 )
 
+__all__ = ["DELICATE", "INFEASIBLE", "LIMIT", "NOT_FINITE", "SOLVED", "hierarchical_active_set"]
+
 SMALL = 2048
 """Up to so many words a search works on the stack: enough for 30 rows in 7 unknowns."""
 
@@ -201,8 +203,8 @@ def search_levels(address, offsets, hard_rows, tol, limit, go_on):
         turn_rows(address, r0, r1, k)
         nW = enter_guessed(address, r0, nW, n - c0)
         started = nW
-        factored = r = rank = turned = NONE
-        residual = 0.0
+        factored = nB = r = rank = turned = NONE
+        residual, pivot = 0.0, np.inf
         met = False
         if not last:
             met, tried, nW, nB, pivot, size, finite_point = meet_level(

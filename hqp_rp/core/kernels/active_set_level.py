@@ -44,6 +44,7 @@ from hqp_rp.core.kernels.rows import (
     first_to_block,
     miss,
     set_length,
+    set_values,
     still,
     try_step,
 )
@@ -84,6 +85,18 @@ def move_to_next(vectors, size):
     return size < np.inf or finite(vectors[POINT])
 
 
+@inlined
+def came_from_afar(rows, vectors, end, begun, length):
+    """Whether x has become so much shorter that the rows' values would carry the rounding error of where it was.
+
+    Then they are computed anew, and the level is not done before a step from there.
+    """
+    afar = begun > 16.0 * length
+    if afar:
+        set_values(rows, vectors, POINT, 0, end)
+    return afar
+
+
 @lean
 def meet_level(address, k, r0, r1, nW, c0, tol, depends, allowed):
     """Step to where all rows of B and W are at their bounds, and let rows that this would violate enter W.
@@ -96,7 +109,7 @@ def meet_level(address, k, r0, r1, nW, c0, tol, depends, allowed):
     nB = list_counted(rows, room, r0, r1)
     tried = 0
     while tried < min(REACHES, allowed):
-        size = length_of(vectors, POINT)
+        begun = size = length_of(vectors, POINT)
         reached, sought, pivot = reach_level(address, k, r0, r1, nW, nB, c0, tol, size)
         if not reached:
             break
@@ -116,7 +129,10 @@ def meet_level(address, k, r0, r1, nW, c0, tol, depends, allowed):
         if missed == 0 and outside:
             nW, crossed = enter_crossed(address, r1, r0, nW, most, size, span, depends)
         if missed == 0 and crossed == 0:
-            return True, tried, nW, nB, pivot, size, move_to_next(vectors, length)
+            is_finite = move_to_next(vectors, length)
+            if not came_from_afar(rows, vectors, r1, begun, length):
+                return True, tried, nW, nB, pivot, size, is_finite
+            continue
         set_length(rows, r1, r0, 0.0)
         if missed:
             break
@@ -150,7 +166,7 @@ def search_level(address, k, r0, r1, last, nW, c0, tol, depends, pivoted, allowe
         nB = list_counted(rows, room, r0, r1)
         top = nW
         nW = factor_held(address, k, nW, nB, c0, depends)
-        size = length_of(vectors, POINT)
+        begun = size = length_of(vectors, POINT)
         r, rank, turned, sought, pivot = step_to_minimizer(address, k, r0, r1, last, top, nW, nB, c0, tol, size)
         size += sought  # the rounding error of what the step is after counts like that of x
         from_free(address, k)
@@ -170,7 +186,7 @@ def search_level(address, k, r0, r1, last, nW, c0, tol, depends, pivoted, allowe
             if crossed == 0:
                 if moves and not move_to_next(vectors, length):
                     return NOT_FINITE, iterations, nW, nW, nB, r, rank, turned, residual, pivot, size
-                if left == 0:
+                if left == 0 and not (moves and came_from_afar(rows, vectors, end, begun, length)):
                     return SOLVED, iterations, nW, before, nB, r, rank, turned, residual, pivot, size
             else:
                 set_length(rows, end, r0, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,7 +53,7 @@ ARRAYS = len(Rows._fields) + len(Room._fields)
 SIDE = Rows._fields.index("side")
 LINE = 8  # eight-byte words of a cache line: a row of eight entries lies in one
 
-ONE = np.int64(1)
+ONE: Any = np.int64(1)
 
 
 @lean

@@ -77,7 +77,8 @@ def arrays_at(*kinds: tuple[type, tuple[Any, ...]]) -> Compiled:
                     array = context.make_array(field)(context, builder)
                     width = ir.Constant(word, context.get_abi_sizeof(context.get_data_type(field.dtype)))
                     shape = [entry(ENTRIES * number + 1 + i) for i in range(field.ndim)]
-                    count, strides = ir.Constant(word, 1), []
+                    count = ir.Constant(word, 1)
+                    strides: list[Any] = []
                     for length in reversed(shape):
                         strides.insert(0, builder.mul(count, width))
                         count = builder.mul(count, length)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,10 @@ FIXED = 2  # determined: its value stays as it is
 
 LOW, UP, NORM, VALUE, CHANGE, BEFORE = range(6)
 STATE, WORKING, GUESS, CONFLICT, TURNS = range(5)
-REALS = np.int64(6)
-FLAGS = np.int64(5)
+REALS: Any = np.int64(6)
+FLAGS: Any = np.int64(5)
 
-NONE = np.int64(0)
+NONE: Any = np.int64(0)
 """Zero where it is handed to a kernel: for a literal 0 numba would compile the kernel once more."""
 
 
