@@ -68,7 +68,7 @@ from hqp_rp.core.kernels.rows import (
     set_values,
 )
 
-__all__ = ["DELICATE", "INFEASIBLE", "LIMIT", "NOT_FINITE", "SOLVED", "hierarchical_active_set"]
+__all__ = ["DELICATE", "INFEASIBLE", "LIMIT", "NOT_FINITE", "SOLVED"]  # beside the kernel, what it returns
 
 SMALL = 2048
 """Up to so many words a search works on the stack: enough for 30 rows in 7 unknowns."""
