@@ -12,7 +12,9 @@ from hqp_rp.compare.bench_allocations import ALLOCATING, allocations
 
 
 def test_what_a_solve_allocates_is_counted() -> None:
-    rows, sentence = allocations(["null space", "reverse priority", "QP ProxQP"], ["7_3-3", "7_limits", "humanoid_40", "100"])
+    rows, sentence = allocations(
+        ["null space", "reverse priority", "QP ProxQP"], ["7_3-3", "7_limits", "humanoid_40", "100"]
+    )
     assert sentence == ""
     found = {(row.label, row.family): row for row in rows}
     assert set(found) == {

@@ -108,6 +108,40 @@ def test_no_wrong_verdict_on_random_problems(seed, n, integers, hard_kind):
             assert not truth(problem).feasible
 
 
+def neighbour(problem, rng, size):
+    """The problem with its targets and bounds moved by about `size`; what was feasible may not be any more."""
+
+    def near(level):
+        moved = size * rng.standard_normal(level.m)
+        return Level(level.A, level.lower + moved, level.upper + moved)
+
+    hard = None if problem.hard is None else near(problem.hard)
+    return Problem([near(level) for level in problem.levels], hard=hard)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    n=st.integers(1, 9),
+    integers=st.booleans(),
+    hard_kind=st.sampled_from([None, "box", "feasible"]),
+    size=st.floats(-8.0, 0.0).map(lambda exponent: 10.0**exponent),
+)
+def test_no_wrong_verdict_from_the_answer_of_a_neighbour(seed, n, integers, hard_kind, size):
+    rng = np.random.default_rng(seed)
+    problem = draw(rng, n, integers, hard_kind)
+    solver = get_solver(NAME)
+    for _ in range(4):
+        solution = solver.solve(problem)
+        assert solution.status in (Status.SOLVED, Status.INFEASIBLE)
+        if solution.status is Status.SOLVED:
+            certificate = certify(problem, solution.x)
+            assert certificate.ok, certificate.sentence
+        else:
+            assert not truth(problem).feasible
+        problem = neighbour(problem, rng, size)
+
+
 def test_contradicting_hard_rows_are_named_and_no_x_is_given():
     hard = Level(np.vstack([np.eye(3), np.ones((1, 3))]), [0.0, 0.0, 0.0, 4.0], [1.0, 1.0, 1.0, 5.0])
     problem = Problem([Level.equality(np.eye(3), np.zeros(3))], hard=hard)
@@ -190,7 +224,7 @@ def test_the_free_vector_is_the_point_to_be_near():
 
 
 def test_the_iteration_limit_is_a_status():
-    solution = solve(boxed(over_constrained(0), 0.1), NAME, max_iterations=2)
+    solution = solve(boxed(over_constrained(0), 0.1), NAME, max_iterations=1)
     assert solution.status is Status.ITERATION_LIMIT
     assert solution.x is None
     assert "max_iterations" in solution.message

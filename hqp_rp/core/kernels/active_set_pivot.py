@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from hqp_rp.core.kernels.active_set_room import COUNTED, ENTERED, GRADIENT, MOVE, MULTIPLIER, ORIGIN, to_free
+from hqp_rp.core.kernels.active_set_room import COUNTED, ENTERED, GRADIENT, MULTIPLIER, NEXT, ORIGIN, at, turn_rows
+from hqp_rp.core.kernels.active_set_step import toward_goal
 from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.orthogonal import EPS
 from hqp_rp.core.kernels.predict import guess_working_set
@@ -13,22 +16,24 @@ from hqp_rp.core.kernels.rows import (
     GUESS,
     KEPT,
     LOW,
+    NONE,
     NORM,
     STATE,
     UP,
     VALUE,
     WORKING,
     activate,
+    beyond,
     compress,
-    length_of,
     miss,
     release,
 )
 
 
 @lean
-def start_from_values(rows, room, r0, r1, nW, size):
+def start_from_values(address, r0, r1, nW, size):
     """Working set of the point where the search stands: rows of the level that it violates, of W those at their bounds."""
+    rows, room = at(address)
     for i in range(r0, r1):
         value = rows.real[VALUE, i]
         if rows.real[LOW, i] == rows.real[UP, i] or value > rows.real[UP, i]:
@@ -45,14 +50,35 @@ def start_from_values(rows, room, r0, r1, nW, size):
 
 
 @lean
-def enter_level(rows, room, r0, r1, nW, most):
-    """Working set to start a level with: what is violated or guessed of its rows, and the kept rows that are guessed."""
+def enter_level(address, r0, r1, size):
+    """Working rows to start a level with: equalities, what is violated and, beside such rows, what is guessed.
+
+    False when no row counts: then the level is met where the search stands.
+    """
+    rows, _ = at(address)
+    counts = False
+    for i in range(r0, r1):
+        if rows.real[LOW, i] == rows.real[UP, i]:
+            activate(rows, i, 1)
+            counts = True
+        elif beyond(rows, i, size):
+            counts = True
+    if not counts:
+        return False
     for i in range(r0, r1):
         low, up, value, guess = rows.real[LOW, i], rows.real[UP, i], rows.real[VALUE, i], rows.flags[GUESS, i]
-        if low == up or value > up or (guess > 0 and up < np.inf):
-            activate(rows, i, 1)
-        elif value < low or (guess < 0 and low > -np.inf):
-            activate(rows, i, -1)
+        if low < up:
+            if value > up or (guess > 0 and up < np.inf):
+                activate(rows, i, 1)
+            elif value < low or (guess < 0 and low > -np.inf):
+                activate(rows, i, -1)
+    return True
+
+
+@lean
+def enter_guessed(address, r0, nW, most):
+    """W with the kept rows that are guessed; returns its size."""
+    rows, room = at(address)
     for i in range(r0):
         guess = rows.flags[GUESS, i]
         if guess == 0 or rows.flags[STATE, i] != KEPT or rows.flags[WORKING, i] or nW >= most:
@@ -65,11 +91,12 @@ def enter_level(rows, room, r0, r1, nW, most):
 
 
 @lean
-def multipliers(rows, room, top, nW, nB, c0, last, size):
+def multipliers(address, top, nW, nB, c0, last, size):
     """Fill `MULTIPLIER` of W from L^T multiplier = -gradient; returns the largest miss of B, or in the last level ||gradient||.
 
     A row of the level has its own miss as multiplier.
     """
+    rows, room = at(address)
     work = room.matrix
     origin = room.real[ORIGIN]
     gradient = room.real[GRADIENT]
@@ -80,7 +107,10 @@ def multipliers(rows, room, top, nW, nB, c0, last, size):
     for i in range(nW):
         found[i] = 0.0
     if last:
-        residual = length_of(gradient[:nW])
+        residual = 0.0
+        for i in range(nW):
+            residual += gradient[i] * gradient[i]
+        residual = math.sqrt(residual)
     if nW == 0 or residual == 0.0:
         return residual
     if not last:
@@ -112,7 +142,7 @@ def wrong_of_kept(rows, room, i, floor):
     return wrong if wrong > floor else 0.0
 
 
-@lean
+@inlined
 def leave(rows, row):
     """Release a row, or turn it to its other bound when a step carried it across a narrow band."""
     if rows.flags[STATE, row] != KEPT and rows.real[VALUE, row] < rows.real[LOW, row]:
@@ -124,8 +154,9 @@ def leave(rows, row):
 
 
 @lean
-def row_to_leave(rows, room, nW, nB, residual, size, bland):
+def row_to_leave(address, nW, nB, residual, size, bland):
     """The row whose multiplier is most wrong, by Bland's rule the first such row; -1 at the optimum."""
+    rows, room = at(address)
     worst = -1
     largest = 0.0
     for i in range(nB):
@@ -144,12 +175,13 @@ def row_to_leave(rows, room, nW, nB, residual, size, bland):
 
 
 @lean
-def pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends):
+def pivot_block(address, end, r0, nW, nB, most, residual, size, span, depends):
     """Every row whose multiplier is wrong leaves, every row that the step's end violates enters.
 
     Returns (rows of W, rows that left, rows that entered or wanted to).
     """
-    left = 0
+    rows, room = at(address)
+    left = NONE
     for i in range(nB):
         row = room.lists[COUNTED, i]
         if wrong_of_level(rows, row, size) > 0.0:
@@ -165,33 +197,28 @@ def pivot_block(rows, room, end, r0, nW, nB, most, residual, size, span, depends
                 left += 1
         if left:
             count = compress(entered, nW, rows)
-    crossed = 0
+    count, crossed = enter_crossed(address, end, r0, count, most, size, span, depends)
+    return count, left, crossed
+
+
+@lean
+def enter_crossed(address, end, r0, nW, most, size, span, depends):
+    """Every row that the step's end violates enters. Returns (rows of W, rows that entered or wanted to)."""
+    rows, room = at(address)
+    crossed = NONE
     for i in range(end):
         own = i >= r0
-        if rows.flags[WORKING, i] or not (own or rows.flags[STATE, i] == KEPT):
+        if rows.flags[WORKING, i] or not (own or rows.flags[STATE, i] == KEPT) or not beyond(rows, i, size):
             continue
-        value = rows.real[VALUE, i]
-        above = value - rows.real[UP, i]
-        below = rows.real[LOW, i] - value
-        over = max(above, below)
-        if over <= 0.0:
-            continue
-        bound = rows.real[UP, i] if above > 0.0 else rows.real[LOW, i]
-        norm = rows.real[NORM, i]
-        if over <= 64.0 * EPS * (norm * size + abs(bound)):
-            continue
-        if not own and abs(rows.real[CHANGE, i]) <= 2.0 * depends * norm * span:
+        if not own and abs(rows.real[CHANGE, i]) <= 2.0 * depends * rows.real[NORM, i] * span:
             continue  # it depends on W, as its factorization sees it
-        if own:
-            crossed += 1
-            activate(rows, i, 1 if above > 0.0 else -1)
-        else:
-            crossed += 1
-            if count < most:
-                activate(rows, i, 1 if above > 0.0 else -1)
-                entered[count] = i
-                count += 1
-    return count, left, crossed
+        crossed += 1
+        if own or nW < most:
+            activate(rows, i, 1 if rows.real[VALUE, i] > rows.real[UP, i] else -1)
+            if not own:
+                room.lists[ENTERED, nW] = i
+                nW += 1
+    return nW, crossed
 
 
 @inlined
@@ -204,19 +231,18 @@ def guessable(rows, r0, r1):
 
 
 @lean
-def enter_guess(rows, room, k, z, r0, r1, last, nW, c0):
+def enter_guess(address, k, r0, r1, last, nW, c0):
     """W becomes the guessed one; returns its size."""
+    rows, room = at(address)
     n = room.turns.shape[1]
-    goal = room.real[MOVE]
+    turn_rows(address, NONE, r0, k)
     if last:
-        for j in range(n):
-            goal[j] = z[j] - rows.x[j]
-        to_free(room, k, goal)
-    guess_working_set(rows, r0, r1, c0, goal)
+        toward_goal(address, k, NEXT)
+    guess_working_set(rows, r0, r1, c0, n - c0, room.vectors[NEXT])
     entered = room.lists[ENTERED]
     for i in range(nW):
         release(rows, entered[i])
-    count = 0
+    count = NONE
     for i in range(r0):
         if rows.flags[GUESS, i] != 0 and rows.flags[STATE, i] == KEPT and count < n - c0:
             activate(rows, i, rows.flags[GUESS, i])

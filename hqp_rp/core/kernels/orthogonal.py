@@ -24,7 +24,7 @@ from hqp_rp.core.kernels.householder import (
     turn_vector,
 )
 from hqp_rp.core.kernels.room import FEW_NUMBERS, few_numbers
-from hqp_rp.core.kernels.vector import INFINITE_BITS, copy_scaled_row, float_of, largest_bits
+from hqp_rp.core.kernels.vector_load import INFINITE_BITS, copy_scaled_row, float_of, largest_bits
 
 EPS = 2.220446049250313e-16
 

@@ -16,24 +16,25 @@ import math
 
 import numpy as np
 
-from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.compile import kernel, lean
 from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import lq
-from hqp_rp.core.kernels.rows import GUESS, KEPT, LOW, STATE, UP, VALUE, gather, level_norm
+from hqp_rp.core.kernels.rows import GUESS, KEPT, LOW, NONE, STATE, UP, VALUE, level_norm
 from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
+from hqp_rp.core.kernels.vector_rows import copy_row
 
 WEIGHT = 1e-4
 VIOLATED = 1e-9  # of a row's length in u
 
 
-@kernel
-def normal_triangle(T, m, r, P):
-    """The lower triangle P of L^T L = P P^T for L (m, r) in the leading rows and columns of T; False when it breaks down."""
+@lean
+def normal_triangle(T, m, c0, r, P):
+    """The lower triangle P of L^T L = P P^T for L (m, r) in the leading rows of T from column c0; False when it breaks down."""
     for i in range(r):
         for j in range(i + 1):
             s = 0.0
             for row in range(i, m):
-                s += T[row, i] * T[row, j]
+                s += T[row, c0 + i] * T[row, c0 + j]
             for col in range(j):
                 s -= P[i, col] * P[j, col]
             if i > j:
@@ -45,7 +46,7 @@ def normal_triangle(T, m, r, P):
     return True
 
 
-@kernel
+@lean
 def forget_row(C, at, count):
     """Delete row `at` of the Cholesky factor C of a Gram matrix of `count` rows."""
     for i in range(at, count - 1):
@@ -62,33 +63,31 @@ def forget_row(C, at, count):
             C[i, c + 1] = cosine * y - sine * x
 
 
-@kernel
-def least_distance(G, value, low, up, active, side, limit):
+@lean
+def least_distance(G, value, low, up, u, C, vectors, busy, active, side, limit):
     """Active rows of min ||u||^2 subject to low <= value + G u <= up, G padded.
 
     Fills `active` and `side` (as long as `value`) and returns how many are active. An inconsistent system ends with those
-    that are active when that is found.
+    that are active when that is found. u (2, padded d): the point, and the direction of a step. C (., .), vectors (4, .) and
+    busy (.,): as long as the rows and the unknowns that there are, and one more; all are written anew.
     """
     K, d = G.shape
     most = min(K, d)
-    C = np.empty((most + 1, most + 1))
-    vectors = np.empty((4, K + d + 1))
     square = vectors[0]
     multiplier = vectors[1]
     l = vectors[2]
     w = vectors[3]
-    u = np.zeros((2, d))  # the point, and the direction of a step
-    busy = np.zeros(K, np.bool_)
+    for j in range(d):
+        u[0, j] = 0.0
     for i in range(K):
         square[i] = sum_of_squares(G, i, 0)
-        if square[i] == 0.0:
-            busy[i] = True
-    count = 0
+        busy[i] = square[i] == 0.0
+    count = NONE
     for _ in range(limit):
         p = -1
         worst = VIOLATED
         for i in range(K):
-            if busy[i]:
+            if busy[i] != 0:
                 continue
             h = value[i] + dot_row(G, i, u[0], 0)
             over = max(h - up[i], low[i] - h) / math.sqrt(square[i])
@@ -118,7 +117,7 @@ def least_distance(G, value, low, up, active, side, limit):
                 over = max(low[p] - value[p] - dot_row(G, p, u[0], 0), 0.0)
             whole = over / delta if delta > 1e-12 * square[p] and count < most else np.inf
             part = np.inf
-            out = -1
+            out = NONE - 1
             for i in range(count):
                 c = sign * w[i] * side[i]
                 if c > 0.0 and multiplier[i] * side[i] < part * c:
@@ -127,8 +126,7 @@ def least_distance(G, value, low, up, active, side, limit):
             tau = min(whole, part)
             if not tau < np.inf:  # inconsistent, or a number overflowed
                 return count
-            u[1] = 0.0
-            add_multiple(u[1], G, p, 1.0)
+            copy_row(u, 1, G, p)
             for i in range(count):
                 multiplier[i] -= tau * sign * w[i]
                 add_multiple(u[1], G, active[i], -w[i])
@@ -141,10 +139,10 @@ def least_distance(G, value, low, up, active, side, limit):
                 active[count] = p
                 side[count] = 1 if sign > 0.0 else -1
                 multiplier[count] = own
-                busy[p] = True
+                busy[p] = 1
                 count += 1
                 break
-            busy[active[out]] = False
+            busy[active[out]] = 0
             forget_row(C, out, count)
             for i in range(out, count - 1):
                 active[i] = active[i + 1]
@@ -155,43 +153,74 @@ def least_distance(G, value, low, up, active, side, limit):
 
 
 @kernel
-def guess_working_set(rows, r0, r1, c0, goal):
+def guess_working_set(rows, r0, r1, c0, d, goal):
     """Put into `GUESS` the side of every kept row that is likely to be active at the minimum of level r0:r1, 0 for others.
 
-    All rows of the level must be equalities. goal (n,): where r0 == r1, what ||s - goal|| is minimized for.
+    All rows of the level must be equalities, and T up to date. d: the freedom, columns c0:c0 + d. goal (padded n,): where
+    r0 == r1, what ||s - goal|| is minimized for.
     """
-    n = rows.R.shape[1]  # padded, as d is
-    d = len(rows.x) - c0
     m = r1 - r0
-    K = 0
+    K = NONE
     for i in range(r0):
         if rows.flags[STATE, i] == KEPT:
             K += 1
-    T = np.zeros((m + K, n))
-    which = np.empty((3, K), np.int64)
-    K = 0
+    if K == 0:
+        return
+    n = rows.R.shape[1]  # padded, as D is
+    D = padded(d)
+    most = min(K, D) + 1
+    r = min(m, d)
+    guess_in(
+        np.empty((m + K) * n + K * D + 3 * D + r * r + most * most + 4 * (K + D + 1) + 3 * K + 2 * m),
+        np.empty(4 * K + 2 * m, np.int64),
+        rows, r0, m, K, c0, d, goal,
+    )  # fmt: skip
+
+
+@lean
+def guess_in(room, counts, rows, r0, m, K, c0, d, goal):
+    """`guess_working_set` in a given room, for K kept rows and m rows of the level."""
+    n = rows.R.shape[1]
+    D = padded(d)
+    most = min(K, D) + 1
+    r = min(m, d)
+    end = (m + K) * n
+    T = room[:end].reshape((m + K, n))
+    G = room[end : end + K * D].reshape((K, D))
+    end += K * D
+    u = room[end : end + 2 * D].reshape((2, D))
+    q = room[end + 2 * D : end + 3 * D]
+    end += 3 * D
+    C = room[end : end + most * most].reshape((most, most))
+    end += most * most
+    vectors = room[end : end + 4 * (K + D + 1)].reshape((4, K + D + 1))
+    end += 4 * (K + D + 1)
+    bounds = room[end : end + 3 * K].reshape((3, K))
+    end += 3 * K
+    target = room[end : end + m]
+    tau = room[end + m : end + 2 * m]
+    end += 2 * m
+    P = room[end : end + r * r].reshape((r, r))
+    which = counts[: 3 * K].reshape((3, K))
+    busy = counts[3 * K : 4 * K]
+    reflectors = counts[4 * K :].reshape((2, m))
+    K = NONE
     for i in range(r0):
         if rows.flags[STATE, i] == KEPT:
-            gather(rows, i, c0, T, m + K)
+            copy_row(T, m + K, rows.T, i)
             which[0, K] = i
             K += 1
-    target = np.empty(m)
     for i in range(m):
-        gather(rows, r0 + i, c0, T, i)
+        copy_row(T, i, rows.T, r0 + i)
         target[i] = rows.real[LOW, r0 + i] - rows.real[VALUE, r0 + i]
-    G = np.zeros((K, padded(d)))
-    bounds = np.empty((3, K))
-    r = 0
-    P = np.empty((0, 0))
-    q = np.zeros(padded(d))
+    for j in range(D):
+        q[j] = 0.0
     scale = 1.0
     if m:
-        reflectors = np.empty((2, m), np.int64)
-        floor = 1e-8 * level_norm(rows, r0, r1)
-        r = lq(T, 0, m, c0, m + K, target, floor, 0, reflectors[0], reflectors[1], np.empty(m))
-        P = np.empty((r, r))
-        if not normal_triangle(T[:, c0:].copy(), m, r, P):
-            r = 0
+        floor = 1e-8 * level_norm(rows, r0, r0 + m)
+        r = lq(T, NONE, m, c0, m + K, target, floor, NONE, reflectors[0], reflectors[1], tau)
+        if not normal_triangle(T, m, c0, r, P):
+            r = NONE
         scale = 1.0 / WEIGHT
         for i in range(r):
             s = 0.0
@@ -213,10 +242,14 @@ def guess_working_set(rows, r0, r1, c0, goal):
                 G[i, j] = s / P[j, j]
             else:
                 G[i, j] = s * scale
+        for j in range(d, D):
+            G[i, j] = 0.0
         bounds[0, i] = rows.real[VALUE, row] + dot_row(G, i, q, 0)
         bounds[1, i] = rows.real[LOW, row]
         bounds[2, i] = rows.real[UP, row]
         rows.flags[GUESS, row] = 0
-    count = least_distance(G, bounds[0], bounds[1], bounds[2], which[1], which[2], 3 * K + 20)
+    count = least_distance(
+        G, bounds[0], bounds[1], bounds[2], u, C, vectors, busy, which[1], which[2], 3 * K + 20
+    )  # fmt: skip
     for i in range(count):
         rows.flags[GUESS, which[0, which[1, i]]] = which[2, i]

@@ -82,7 +82,7 @@ def finish_stage(numbers, counts, step, y):
         if desk.leaves[i]:
             desk.side[row] = 1 if value > desk.up[row] else -1
             if c0 < n:
-                copy_row(desk.turned, n + K + i, desk.work, leaving)
+                move_row(desk.turned, n + K + i, desk.work, leaving)
                 leaving += 1
     if leaving:
         c0 = take_leave(desk, n + K + mS, leaving, c0, r0, r1, numbers[RANK_TOLERANCE], True)
@@ -93,7 +93,7 @@ def finish_stage(numbers, counts, step, y):
         if desk.leaves[mS + i]:
             desk.side[desk.kept_ids[i]] = 1 if y[mS + i] > 0.0 else -1
             if c0 < n:
-                copy_row(desk.turned, n + i, desk.work, leaving)
+                move_row(desk.turned, n + i, desk.work, leaving)
                 leaving += 1
     if leaving:
         c0 = take_leave(desk, n + K + mS, leaving, c0, r0, r1, numbers[RANK_TOLERANCE], False)
@@ -101,8 +101,8 @@ def finish_stage(numbers, counts, step, y):
     q = 0
     for i in range(K):
         if not desk.leaves[mS + i] and still_free(desk.turned, n + i, c0, n, 1.0):
-            copy_row(desk.kept, i, desk.kept, q)
-            copy_row(desk.turned, n + i, desk.turned, n + q)
+            move_row(desk.kept, i, desk.kept, q)
+            move_row(desk.turned, n + i, desk.turned, n + q)
             desk.kept_lower[q] = min(desk.kept_lower[i], desk.right[mS + i])
             desk.kept_upper[q] = max(desk.kept_upper[i], desk.right[mS + i])
             desk.kept_ids[q] = desk.kept_ids[i]
@@ -122,7 +122,7 @@ def finish_stage(numbers, counts, step, y):
 
 
 @inlined
-def copy_row(A, i, B, k):
+def move_row(A, i, B, k):
     """B[k] <- A[i]."""
     for j in range(A.shape[1]):
         B[k, j] = A[i, j]

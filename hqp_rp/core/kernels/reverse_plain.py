@@ -19,7 +19,7 @@ from hqp_rp.core.kernels.orthogonal import (
     turn_back_reflectors,
 )
 from hqp_rp.core.kernels.room import as_counts, as_matrix
-from hqp_rp.core.kernels.vector import copy_scaled_row
+from hqp_rp.core.kernels.vector_load import copy_scaled_row
 
 UNPROVEN = -1
 NOT_FINITE = 0

@@ -26,7 +26,7 @@ def _emitted(function: Callable[..., Any]) -> Compiled:
     return cast(Compiled, intrinsic(function))
 
 
-def _array(context: Any, builder: Any, kind: Any, data: Any, shape: list[Any]) -> Any:
+def borrowed(context: Any, builder: Any, kind: Any, data: Any, shape: list[Any]) -> Any:
     """A C-contiguous array of 8-byte entries that owns nothing."""
     array = arrayobj.make_array(kind)(context, builder)
     eight = ir.Constant(ir.IntType(64), 8)
@@ -43,7 +43,7 @@ def _at_address(dtype: Any, ndim: int) -> Compiled:
 
     def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
         data = builder.inttoptr(given[0], ir.IntType(8).as_pointer())
-        return _array(context, builder, kind, data, list(given[1:]))
+        return borrowed(context, builder, kind, data, list(given[1:]))
 
     if ndim == 1:
 
@@ -70,24 +70,25 @@ matrix_at = _at_address(types.float64, 2)
 """matrix_at(address, rows, columns): the float64 matrix that lies there."""
 
 
-def _on_the_stack(count: int) -> Compiled:
-    kind = types.Array(types.float64, 1, "C")
+def on_the_stack(count: int, dtype: Any = types.float64) -> Compiled:
+    """numbers(): so many 8-byte numbers on the stack of the calling kernel, not initialized."""
+    kind = types.Array(dtype, 1, "C")
 
     @_emitted
     def numbers(_: Any) -> Any:
         def codegen(context: Any, builder: Any, sig: Any, given: Any) -> Any:
             data = cgutils.alloca_once(builder, ir.DoubleType(), size=ir.Constant(ir.IntType(32), count))
-            return _array(context, builder, kind, data, [ir.Constant(ir.IntType(64), count)])
+            return borrowed(context, builder, kind, data, [ir.Constant(ir.IntType(64), count)])
 
         return kind(), codegen
 
     return numbers
 
 
-stack_numbers = _on_the_stack(STACK_NUMBERS)
+stack_numbers = on_the_stack(STACK_NUMBERS)
 """stack_numbers(): `STACK_NUMBERS` float64 on the stack of the calling kernel, not initialized."""
 
-few_numbers = _on_the_stack(FEW_NUMBERS)
+few_numbers = on_the_stack(FEW_NUMBERS)
 """few_numbers(): the same for `FEW_NUMBERS`."""
 
 
@@ -103,7 +104,7 @@ def number_at(_: Any, address: Any) -> Any:
 
 def _view(context: Any, builder: Any, sig: Any, given: Any) -> Any:
     source = arrayobj.make_array(sig.args[0])(context, builder, given[0])
-    return _array(context, builder, sig.return_type, source.data, list(given[1:]))
+    return borrowed(context, builder, sig.return_type, source.data, list(given[1:]))
 
 
 @_emitted

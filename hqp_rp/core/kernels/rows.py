@@ -1,69 +1,67 @@
-"""The rows of an active-set search: their values, bounds and states, how far a step may go, and how they are turned."""
+"""The rows of an active-set search: their values, bounds and states, and how far a step may go."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, lean
-from hqp_rp.core.kernels.orthogonal import EPS, turn_forward_by
-from hqp_rp.core.kernels.vector import dot_row, reflect_four_rows, reflect_row
+from hqp_rp.core.kernels.orthogonal import EPS
+from hqp_rp.core.kernels.vector import dot_row
+from hqp_rp.core.kernels.vector_rows import inverse_power, largest_of_rows, scale_row
 
 WAITING = 0  # of a level that has not been reached
 KEPT = 1  # must stay within its bounds
 FIXED = 2  # determined: its value stays as it is
 
 LOW, UP, NORM, VALUE, CHANGE, BEFORE = range(6)
-STATE, WORKING, GUESS, CONFLICT = range(4)
+STATE, WORKING, GUESS, CONFLICT, TURNS = range(5)
+REALS: Any = np.int64(6)
+FLAGS: Any = np.int64(5)
+
+NONE: Any = np.int64(0)
+"""Zero where it is handed to a kernel: for a literal 0 numba would compile the kernel once more."""
 
 
 class Rows(NamedTuple):
     """M rows `low <= a_i x <= up`, stacked level by level, each level scaled by a power of two.
 
-    R: (M, padded n): rows turned by what finished levels did; the columns of the freedom they left stand last. real (6, M):
-    bounds `LOW` and `UP`, `NORM` ||a_i||, `VALUE` a_i x, its `CHANGE` along the step that is tried, and the value `BEFORE` it.
-    flags (4, M): `STATE` (`WAITING`, `KEPT` or `FIXED`), `WORKING` (1 in the working set), `GUESS` (the bound at which a warm
-    start hopes to find the row: -1, 0, +1), `CONFLICT` (1 for a hard row of a contradiction). side (M,): the bound at which a
-    row is active, -1 lower, +1 upper (an equality has both), 0 none. x: (n,).
-
-    Few arrays, since a call passes each of them field by field, and at seven unknowns that is most of its cost.
+    R (M, padded n): the rows. T (M, padded n): those that were needed, turned by what finished levels did; the columns of the
+    freedom they left stand last. real (6, M): bounds `LOW` and `UP`, `NORM` ||a_i||, `VALUE` a_i x, its `CHANGE` along the
+    step that is tried, and the value `BEFORE` it. flags (5, M): `STATE` (`WAITING`, `KEPT` or `FIXED`), `WORKING` (1 in the
+    working set), `GUESS` (the bound at which a warm start hopes to find the row: -1, 0, +1), `CONFLICT` (1 for a hard row of
+    a contradiction), `TURNS` (by how many finished levels row i of T is turned, -1 when it has not been needed).
+    side (M,): the bound at which a row is active, -1 lower, +1 upper (an equality has both), 0 none.
     """
 
     R: np.ndarray
+    T: np.ndarray
     real: np.ndarray
     flags: np.ndarray
     side: np.ndarray
-    x: np.ndarray
 
 
-@lean
-def load_rows(A, lower, upper, offsets, rows, scale):
-    """Fill `rows`, all waiting and without values yet, and the scale of each level; False when a number is not finite."""
+@inlined
+def load_rows(rows, A, lower, upper, offsets):
+    """Fill `rows`, all waiting and without values yet; False when a number is not finite."""
     n = A.shape[1]
     finite = True
+    for i in range(A.shape[0]):
+        for j in range(n):
+            rows.R[i, j] = A[i, j]
+        for j in range(n, rows.R.shape[1]):
+            rows.R[i, j] = 0.0
     for k in range(len(offsets) - 1):
-        big = 0.0
-        for i in range(offsets[k], offsets[k + 1]):
-            for j in range(n):
-                a = abs(A[i, j])
-                if not a < np.inf:
-                    finite = False
-                big = max(big, a)
+        big = largest_of_rows(rows.R, offsets[k], offsets[k + 1])
         s = 1.0
-        if big > 0.0 and finite:
-            s = math.ldexp(1.0, max(-1000, min(1000, -math.frexp(big)[1])))
-        scale[k] = s
+        if not big < np.inf:
+            finite = False
+        elif big > 0.0:
+            s = inverse_power(big)
         for i in range(offsets[k], offsets[k + 1]):
-            total = 0.0
-            for j in range(n):
-                a = A[i, j] * s
-                rows.R[i, j] = a
-                total += a * a
-            for j in range(n, rows.R.shape[1]):
-                rows.R[i, j] = 0.0
-            rows.real[NORM, i] = math.sqrt(total)
+            rows.real[NORM, i] = math.sqrt(scale_row(rows.R, i, s))
             low = lower[i] * s
             up = upper[i] * s
             rows.real[LOW, i] = low
@@ -71,36 +69,17 @@ def load_rows(A, lower, upper, offsets, rows, scale):
             rows.flags[STATE, i] = WAITING
             rows.flags[WORKING, i] = 0
             rows.flags[CONFLICT, i] = 0
+            rows.flags[TURNS, i] = -1
             rows.flags[GUESS, i] = rows.side[i]
             rows.side[i] = 0
-            if np.isnan(low) or np.isnan(up) or low == np.inf or up == -np.inf:
+            if not (low < np.inf and up > -np.inf):
                 finite = False
     return finite
 
 
-@lean
-def set_values(A, scale, rows, r0, r1):
-    """The values of rows r0:r1 at x, from the rows as they were given."""
-    n = A.shape[1]
-    for i in range(r0, r1):
-        s = 0.0
-        for j in range(n):
-            s += (A[i, j] * scale) * rows.x[j]
-        rows.real[VALUE, i] = s
-
-
-@inlined
-def length_of(x):
-    """||x||."""
-    s = 0.0
-    for value in x:
-        s += value * value
-    return math.sqrt(s)
-
-
 @inlined
 def level_norm(rows, r0, r1):
-    """Frobenius norm of the loaded rows r0:r1."""
+    """Frobenius norm of the rows r0:r1."""
     s = 0.0
     for i in range(r0, r1):
         s += rows.real[NORM, i] * rows.real[NORM, i]
@@ -147,29 +126,47 @@ def compress(W, count, rows):
 
 
 @inlined
-def gather(rows, row, c0, out, at):
-    """Copy the free columns (c0:) of a row to out[at], from the beginning of their chunk of eight."""
-    for j in range(c0 // 8 * 8, rows.R.shape[1]):
-        out[at, j] = rows.R[row, j]
+def beyond(rows, i, size):
+    """Whether row i is outside its bounds by more than rounding error can explain at an x of this size."""
+    value = rows.real[VALUE, i]
+    bound = rows.real[UP, i] if value > rows.real[UP, i] else rows.real[LOW, i]
+    over = max(value - rows.real[UP, i], rows.real[LOW, i] - value)
+    return over > 0.0 and over > 64.0 * EPS * (rows.real[NORM, i] * size + abs(bound))
 
 
 @inlined
-def gather_unit(rows, row, c0, out, at):
-    """Copy the free columns of a row to out[at], divided by the norm of the whole row (a row of zeros stays one)."""
-    norm = rows.real[NORM, row]
-    if norm == 0.0:
-        norm = 1.0
-    for j in range(c0 // 8 * 8, rows.R.shape[1]):
-        out[at, j] = rows.R[row, j] / norm
+def set_values(rows, vectors, point, r0, r1):
+    """The values of rows r0:r1 at row `point` of `vectors`."""
+    for i in range(r0, r1):
+        rows.real[VALUE, i] = dot_row(rows.R, i, vectors[point], 0)
 
 
-@lean
-def try_step(rows, end, r0, c0, step):
-    """The change of every kept row, and of the rows r0:end of the level, along the whole step, whose first c0 entries are 0."""
+@inlined
+def try_step(rows, vectors, move, end, r0):
+    """Values of every kept row, and of the rows r0:end of the level, after row `move` of `vectors` as a step of x.
+
+    Returns how many rows that are not in the working set are then outside their bounds.
+    """
+    outside = 0
     for i in range(end):
         if i >= r0 or rows.flags[STATE, i] == KEPT:
-            s = dot_row(rows.R, i, step, c0)
-            rows.real[CHANGE, i] = s
+            change = dot_row(rows.R, i, vectors[move], 0)
+            value = rows.real[VALUE, i]
+            rows.real[CHANGE, i] = change
+            rows.real[BEFORE, i] = value
+            value += change
+            rows.real[VALUE, i] = value
+            if (value > rows.real[UP, i] or value < rows.real[LOW, i]) and rows.flags[WORKING, i] == 0:
+                outside += 1
+    return outside
+
+
+@inlined
+def still(rows, end, r0):
+    """The change of a step that is rounding error: none."""
+    for i in range(end):
+        if i >= r0 or rows.flags[STATE, i] == KEPT:
+            rows.real[CHANGE, i] = 0.0
             rows.real[BEFORE, i] = rows.real[VALUE, i]
 
 
@@ -218,37 +215,3 @@ def first_to_block(rows, end, r0, span, slack, depends):
         if part < best:
             best, row, side = part, i, which
     return best, row, side
-
-
-@inlined
-def free_rows_from(rows, i, end):
-    """How many of the rows i ... i + 3 (before `end`) are not fixed, up to the first one that is."""
-    count = 0
-    while count < 4 and i + count < end and rows.flags[STATE, i + count] != FIXED:
-        count += 1
-    return count
-
-
-@lean
-def turn_rows(rows, end, work, reflectors, ref_row, ref_col, ref_tau):
-    """Turn the rows that are not fixed by the reflectors stored in `work`."""
-    R = rows.R
-    i = 0
-    while i < end:
-        count = free_rows_from(rows, i, end)
-        if count == 4:
-            for t in range(reflectors):
-                reflect_four_rows(R, i, work, ref_row[t], ref_col[t], ref_tau[t])
-        else:
-            for row in range(i, i + count):
-                for t in range(reflectors):
-                    reflect_row(R, row, work, ref_row[t], ref_col[t], ref_tau[t])
-        i += max(count, 1)
-
-
-@lean
-def turn_rows_by(rows, end, V, r, v0):
-    """Turn columns v0:v0 + r of the rows that are not fixed by V, its leading r x r part."""
-    for i in range(end):
-        if rows.flags[STATE, i] != FIXED:
-            turn_forward_by(V, r, rows.R[i], v0)

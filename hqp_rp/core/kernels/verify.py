@@ -142,13 +142,13 @@ def prove(room, counts, A, lower, upper, offsets, x, zeta, tolerance, rank_tol):
                 at.multipliers[i] = 1.0 / length if length > 1e-9 else -1.0  # its factor to length one
         for i in range(r0, r1):
             if at.new_side[i] != 0.0:
-                copy_row(W, i, at.held, h, c0, 1.0)
+                move_scaled(W, i, at.held, h, c0, 1.0)
                 at.side[h] = at.new_side[i]
                 at.multipliers[h] = 0.0
                 h += 1
         if fixes:
             for i in range(fixes):
-                copy_row(W, at.fixed[i], at.work, i, c0, 1.0)
+                move_scaled(W, at.fixed[i], at.work, i, c0, 1.0)
                 at.order[i] = i
             r, proven = triangle(at.work, 0, fixes, c0, fixes, at.order, whole, rank_tol, 0, at.row, at.column, at.tau)
             for i in range(fixes):
@@ -192,7 +192,7 @@ def prove(room, counts, A, lower, upper, offsets, x, zeta, tolerance, rank_tol):
 
 
 @inlined
-def copy_row(A, i, B, k, c0, factor):
+def move_scaled(A, i, B, k, c0, factor):
     """B[k] <- factor A[i] from the chunk of eight that holds column c0."""
     for j in range(c0 // 8 * 8, A.shape[1]):
         B[k, j] = factor * A[i, j]
@@ -214,7 +214,7 @@ def firm_rows(at, h, r1, end, c0):
     firm = 0
     for i in range(h):
         if at.multipliers[i] > 0.0:
-            copy_row(at.held, i, at.work, firm, c0, at.multipliers[i])
+            move_scaled(at.held, i, at.work, firm, c0, at.multipliers[i])
             firm += 1
     r = lq(at.work, 0, firm, c0, firm, at.order, DEPENDENT, 0, at.row, at.column, at.tau)
     reflect_rows_by_all(at.held, 0, h, at.work, 0, r, c0, at.tau, 0)
@@ -228,7 +228,7 @@ def still_held(at, h):
     still = 0
     for i in range(h):
         if at.multipliers[i] == 0.0:
-            copy_row(at.held, i, at.held, still, 0, 1.0)
+            move_scaled(at.held, i, at.held, still, 0, 1.0)
             at.side[still] = at.side[i]
             still += 1
     return still
