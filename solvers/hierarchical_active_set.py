@@ -5,27 +5,19 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from hqp_rp.core.closed_form import free_copy, zeros
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.kernels.active_set_codes import DELICATE, INFEASIBLE, LIMIT, NOT_FINITE, SOLVED
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
 from hqp_rp.core.verify import fault_of
 
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
-
-
-@functools.cache
-def _kernels() -> tuple[Any, Callable[..., int]]:
-    """The module of the codes that the kernel returns, and the kernel, imported when first needed."""
-    from hqp_rp.core.kernels import active_set
-    from hqp_rp.core.kernels.active_set_direct import active_set_entry
-
-    return active_set, active_set_entry()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -82,45 +74,70 @@ class HierarchicalActiveSet(Solver):
     def reset(self) -> None:
         self._kept.clear()
 
+    @functools.cached_property
+    def _search(self) -> Callable[..., int]:
+        """The compiled search, loaded when first needed."""
+        from hqp_rp.core.kernels.active_set_direct import active_set_entry
+
+        return active_set_entry()
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in self.__dict__.items() if name != "_search"}
+
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
-        active_set, search = _kernels()
-        n, hard = problem.n, problem._on_top
-        key = (hard, rows := hard + problem._rows, n)
-        kept = self._kept.get(key) if self.warm_start else None
-        if kept is None:
-            x, side = np.zeros(n), np.zeros(rows, np.int64)
-        else:
-            x, side = kept[0].copy(), kept[1].copy()
-        limit = 200 + 10 * rows if self.max_iterations is None else self.max_iterations
+        n = problem.n
+        shape = (problem._on_top, problem._rows, n)
+        warm = self.warm_start
+        kept = self._kept.pop(shape, None) if warm else None  # nobody else starts from it meanwhile
+        rows = shape[0] + shape[1]
+        x, side = (np.zeros(n), np.zeros(rows, np.int64)) if kept is None else kept
+        limit = self._limit(rows)
         free = zeros(n) if secondary is None else free_copy(secondary, n)
-        tolerance, address = self.rank_tolerance, problem._address or problem.address
+        address = problem._address or problem.address
         try:
-            iterations, code = divmod(search(address, free, tolerance, limit, self.least_violation, x, side), 8)
+            found = self._search(address, free, self.rank_tolerance, limit, self.least_violation, x, side)
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
-            iterations, code = 0, active_set.NOT_FINITE
-        if code in (active_set.SOLVED, active_set.DELICATE):
-            fault = ""
-            if self.warm_start:
-                self._kept[key] = (x, side)
-                x = x.copy()
-            if code == active_set.DELICATE:
-                fault = fault_of(problem, x, secondary, self.tolerance, rank_tolerance=tolerance)
-            status = Status.INACCURATE if fault else Status.SOLVED
-            solution = Solution(problem, x, status, iterations, fault, secondary)
-            solution.held = side  # a warm start begins with a copy
+            found = NOT_FINITE
+        code, iterations = found & 7, found >> 3
+        if code == SOLVED:
+            if warm:
+                self._kept[shape] = x, side
+                x, side = x.copy(), side.copy()
+            solution = Solution(problem, x, Status.SOLVED, iterations, "", secondary)
+            solution.held = side
             return solution
-        self._kept.pop(key, None)
-        if code == active_set.INFEASIBLE:
+        return self._otherwise(problem, secondary, x, side, code, iterations, kept is not None)
+
+    def _otherwise(
+        self,
+        problem: Problem,
+        secondary: FloatArray | None,
+        x: FloatArray,
+        side: IntArray,
+        code: int,
+        iterations: int,
+        guessed: bool,
+    ) -> Solution:
+        """What a search that did not end in `SOLVED` says; once more from nothing where a guess may be to blame."""
+        if code == DELICATE:
+            fault = fault_of(problem, x, secondary, self.tolerance, rank_tolerance=self.rank_tolerance)
+            solution = Solution(problem, x, Status.INACCURATE if fault else Status.SOLVED, iterations, fault, secondary)
+            solution.held = side
+            if self.warm_start:
+                self._kept[problem._on_top, problem._rows, problem.n] = x.copy(), side.copy()
+            return solution
+        if code == INFEASIBLE:
             names = ", ".join(str(i) for i in np.flatnonzero(side))
             message = f"Hard rows {names} contradict each other: no x meets them all."
-            return Solution(
-                problem, x if self.least_violation else None, Status.INFEASIBLE, iterations, message, secondary
-            )
-        if (
-            code == active_set.LIMIT and kept is not None
-        ):  # a guess may lead into a cycle that a fresh start does not meet
+            least = x if self.least_violation else None
+            return Solution(problem, least, Status.INFEASIBLE, iterations, message, secondary)
+        if guessed:  # a guess may lead into a cycle, or out of what numbers hold
             return self.solve(problem, secondary)
-        if code == active_set.LIMIT:
+        if code == LIMIT:
+            limit = self._limit(len(side))
             message = f"No optimal working set in {limit} iterations; raise max_iterations."
             return Solution(problem, None, Status.ITERATION_LIMIT, iterations, message, secondary)
         return Solution(problem, None, Status.NOT_FINITE, iterations, _OVERFLOW, secondary)
+
+    def _limit(self, rows: int) -> int:
+        return 200 + 10 * rows if self.max_iterations is None else self.max_iterations

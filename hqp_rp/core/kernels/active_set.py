@@ -19,16 +19,8 @@ from __future__ import annotations
 import numpy as np
 from numba.core import types
 
-from hqp_rp.core.kernels.active_set_level import (
-    DELICATE,
-    INFEASIBLE,
-    LIMIT,
-    NOT_FINITE,
-    SOLVED,
-    length_of,
-    meet_level,
-    search_level,
-)
+from hqp_rp.core.kernels.active_set_codes import DELICATE, INFEASIBLE, LIMIT, NOT_FINITE, SOLVED
+from hqp_rp.core.kernels.active_set_level import length_of, meet_level, search_level
 from hqp_rp.core.kernels.active_set_pivot import (
     enter_guessed,
     enter_level,

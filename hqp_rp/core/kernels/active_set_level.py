@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from hqp_rp.core.kernels.active_set_codes import LIMIT, NOT_FINITE, SOLVED
 from hqp_rp.core.kernels.active_set_pivot import (
     enter_crossed,
     enter_guess,
@@ -50,12 +51,6 @@ from hqp_rp.core.kernels.rows import (
 )
 from hqp_rp.core.kernels.vector import add_multiple, sum_of_squares
 from hqp_rp.core.kernels.vector_rows import copy_row
-
-SOLVED = 0
-LIMIT = 1
-INFEASIBLE = 2
-NOT_FINITE = 3
-DELICATE = 4  # solved, but a level was kept by a pivot so small that multipliers near rounding error decided
 
 REACHES = 3
 """Steps tried in a level to where all of its counted rows are met."""
