@@ -32,8 +32,9 @@ class HierarchicalActiveSet(Solver):
     takes over: the step goes as far as the first row allows, one row leaves at a time, and after a step of length zero has
     repeated Bland's rule chooses, so that it cannot cycle. Whichever way, the same conditions of optimality end the search,
     from a fresh factorization. Rows that a finished level determines leave for good; satisfied rows are kept as rows.
-    Near a singularity, where multipliers close to rounding error decide, the answer is verified before it is called solved;
-    where that fails it is `INACCURATE`.
+    A level whose rows that count can all be met is met by one factorization, without multipliers. Near a singularity, where
+    multipliers close to rounding error decide, and where hard rows contradict each other by next to nothing, the answer is
+    verified before it is called solved; where that fails it is `INACCURATE`.
 
     Args:
         rank_tolerance: the library's rank rule, in [0, 1).

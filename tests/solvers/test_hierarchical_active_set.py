@@ -241,3 +241,25 @@ def test_the_answer_is_not_the_stored_warm_start():
 def test_wrong_settings_are_named(wrong):
     with pytest.raises(SettingError, match=f"{next(iter(wrong))} is {next(iter(wrong.values()))}"):
         get_solver(NAME, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("gap", "status"),
+    [(1e-12, Status.SOLVED), (3e-9, Status.SOLVED), (5e-9, Status.INACCURATE), (1e-8, Status.INFEASIBLE)],
+)
+def test_hard_rows_that_all_but_agree_are_not_called_solved_beyond_the_tolerance(gap: float, status: Status) -> None:
+    hard = Level([[1.0, 0.0], [1.0, 0.0]], [-np.inf, 1.0 + gap], [1.0, np.inf])
+    problem = Problem([Level.equality([[0.0, 1.0]], [0.0])], hard=hard)
+    solution = get_solver(NAME).solve(problem)
+    assert solution.status is status
+    if solution.x is not None:
+        assert certify(problem, solution.x).ok == (status is Status.SOLVED)
+
+
+def test_what_is_kept_may_be_spoilt_by_nobody() -> None:
+    solver, problem = get_solver(NAME), independent()
+    first = solver.solve(problem)
+    expected = first.x.copy()
+    first.x[:] = np.nan
+    first.held[:] = 7
+    np.testing.assert_allclose(solver.solve(problem).x, expected, rtol=1e-12)

@@ -124,7 +124,7 @@ def hierarchical_active_set(A, lower, upper, offsets, hard_rows, z, tol, limit, 
     x (n,): where to start, then the answer. side (M,): the bound at which a row is thought to be active (-1, 0, +1), then
     the bounds at which rows are active; when INFEASIBLE, 1 for each hard row of the contradiction and 0 for others. The answer
     is then the point of least violation, and the levels are optimized over such points only with `go_on`. DELICATE: solved
-    near a singularity, where the answer should be verified.
+    near a singularity, or near a contradiction of hard rows, where the answer should be verified.
     """
     M, n = A.shape
     p = len(offsets) - 1
@@ -230,4 +230,7 @@ def search_levels(address, offsets, hard_rows, tol, limit, go_on):
             keep_turns(address, k, factored + r, turned, c0 - rank)
     if contradicting:
         return INFEASIBLE, iterations
+    for i in range(hard_rows):
+        if rows.flags[CONFLICT, i]:  # by so little that it is no proof
+            smallest = 0.0
     return DELICATE if smallest < 1e-6 else SOLVED, iterations
