@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import ClassVar
 
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
-from hqp_rp.core.qp_backend import check_backend, check_positive
+from hqp_rp.core.qp_backend import Backend, check_backend, check_positive
 from hqp_rp.core.qp_workspace import Workspace
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
@@ -73,22 +74,29 @@ class QpCascade(Solver):
     @property
     def tolerance(self) -> float:
         """`eps_abs`, but no less than 1e-9."""
-        return max(1e-9, self.eps_abs)
+        return self.eps_abs if self.eps_abs > 1e-9 else 1e-9
 
     def is_lexicographic(self, problem: Problem) -> bool:
         """True: the cascade computes the lexicographic optimum of every problem."""
         return True
 
+    @functools.cached_property
+    def _backend(self) -> Backend:
+        return self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in self.__dict__.items() if name != "_backend"}
+
     def reset(self) -> None:
         """Forget warm starts and workspaces."""
         self._workspace.clear()
+        self.__dict__.pop("_backend", None)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
         desk = self._workspace.desk(problem)
         warm = desk.used
-        backend = self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
-        solution = desk.solve(problem, secondary, backend, self.tolerance, polish=self.polish)
+        solution = desk.solve(problem, secondary, self._backend, self.tolerance, polish=self.polish)
         if warm and solution.status is not Status.SOLVED and solution.status is not Status.INFEASIBLE:
             # What is kept between calls must never cost an answer: once more, from nothing.
             self.reset()

@@ -120,10 +120,11 @@ class Backend(abc.ABC):
     def unconstrained(self, gradient: FloatArray) -> tuple[FloatArray, int]:
         """(w, iterations): w (n,) or empty, what the back end answers to `min 1/2 ||w||^2 + gradient . w`.
 
-        It says nothing of its outcome: `||w + gradient||_inf` tells. w may be a view that the next solve overwrites.
+        It says nothing of its outcome: `||w + gradient||_inf` tells. w is contiguous float64, and may be a view that the next
+        solve overwrites.
         """
         answer = self.solve(SlackQP(ones(len(gradient)), gradient, np.zeros((0, len(gradient))), NOTHING, NOTHING, 0))
-        return NOTHING if answer.t is None else answer.t, answer.iterations
+        return NOTHING if answer.t is None else np.ascontiguousarray(answer.t, dtype=np.float64), answer.iterations
 
     def reset(self) -> None:
         """Drop every workspace."""

@@ -23,15 +23,16 @@ class QuickDesk:
 
         kernels: Any = qp_equalities
         p, rows = len(offsets) - 1, int(offsets[-1])
-        *_, numbers, _, counts = kernels.room_parts(n, rows, p)
+        _, _, vectors, *_, numbers, _, counts = kernels.room_parts(n, rows, p)
         self._numbers, self._counts = np.zeros(numbers), np.zeros(counts, np.int64)
         self._counts[kernels.N], self._counts[kernels.M], self._counts[kernels.P] = n, rows, p
         self._numbers[kernels.RANK_TOLERANCE] = RANK_TOLERANCE
-        room = kernels.room_of.py_func(self._numbers, self._counts)
-        room.u[:n] = np.random.default_rng(0).standard_normal(n)
-        self._x, self._start = room.x[:n], room.start[:n]
-        self._gradients = [room.g[:r] for r in range(n + 1)]
-        self._go_on, self._tolerance = kernels.go_on, self._numbers[kernels.TOLERANCE : kernels.TOLERANCE + 1]
+        wide = (kernels.VECTORS, (n + 7) // 8 * 8)
+        start, x, _, u, _, _, g = self._numbers[vectors : vectors + wide[0] * wide[1]].reshape(wide)
+        u[:n] = np.random.default_rng(0).standard_normal(n)
+        self._x, self._start = x[:n], start[:n]
+        self._gradients = [g[:r] for r in range(n + 1)]
+        self._go_on, self._tolerance = kernels.go_on_entry(), self._numbers[kernels.TOLERANCE : kernels.TOLERANCE + 1]
         self._moved = False
         self.held = np.zeros(rows, np.int8)
         self.held.flags.writeable = False
@@ -48,14 +49,14 @@ class QuickDesk:
             self._start[:] = 0.0 if secondary is None else secondary
             self._moved = secondary is not None
         self._tolerance[0] = tolerance
-        matrix, rhs, _, offsets = problem.stacked
+        address = problem._address or problem.address
         go_on, numbers, counts, gradients = self._go_on, self._numbers, self._counts, self._gradients
         iterations = 0
-        r = go_on(matrix, rhs, offsets, numbers, counts, NOTHING)
+        r = go_on(address, numbers, counts, NOTHING)
         while r > 0:
             w, count = backend.unconstrained(gradients[r])
             iterations += count
             if not len(w):
                 return None, iterations
-            r = go_on(matrix, rhs, offsets, numbers, counts, w)
+            r = go_on(address, numbers, counts, w)
         return (self._x.copy() if r == 0 else None), iterations

@@ -24,11 +24,10 @@ class Workspace:
 
     def desk(self, problem: Problem) -> Desk:
         """The desk of the problems that have the shape of `problem`."""
-        hard = 0 if problem.hard is None else problem.hard.m
-        key = (problem.n, hard, problem.stacked[3].tobytes())
+        key = (problem.n, problem._on_top, problem._offsets.tobytes())
         found = self._desks.get(key)
         if found is None:
-            found = self._desks[key] = Desk(problem.n, hard, problem.offsets)
+            found = self._desks[key] = Desk(problem.n, problem._on_top, problem.offsets)
         return found
 
     def clear(self) -> None:

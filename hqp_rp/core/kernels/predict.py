@@ -19,6 +19,7 @@ import numpy as np
 from hqp_rp.core.kernels.compile import kernel, lean
 from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import lq
+from hqp_rp.core.kernels.room import as_matrix
 from hqp_rp.core.kernels.rows import GUESS, KEPT, LOW, NONE, STATE, UP, VALUE, level_norm
 from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
 from hqp_rp.core.kernels.vector_rows import copy_row
@@ -185,25 +186,25 @@ def guess_in(room, counts, rows, r0, m, K, c0, d, goal):
     most = min(K, D) + 1
     r = min(m, d)
     end = (m + K) * n
-    T = room[:end].reshape((m + K, n))
-    G = room[end : end + K * D].reshape((K, D))
+    T = as_matrix(room[:end], m + K, n)
+    G = as_matrix(room[end : end + K * D], K, D)
     end += K * D
-    u = room[end : end + 2 * D].reshape((2, D))
+    u = as_matrix(room[end : end + 2 * D], 2, D)
     q = room[end + 2 * D : end + 3 * D]
     end += 3 * D
-    C = room[end : end + most * most].reshape((most, most))
+    C = as_matrix(room[end : end + most * most], most, most)
     end += most * most
-    vectors = room[end : end + 4 * (K + D + 1)].reshape((4, K + D + 1))
+    vectors = as_matrix(room[end : end + 4 * (K + D + 1)], 4, K + D + 1)
     end += 4 * (K + D + 1)
-    bounds = room[end : end + 3 * K].reshape((3, K))
+    bounds = as_matrix(room[end : end + 3 * K], 3, K)
     end += 3 * K
     target = room[end : end + m]
     tau = room[end + m : end + 2 * m]
     end += 2 * m
-    P = room[end : end + r * r].reshape((r, r))
-    which = counts[: 3 * K].reshape((3, K))
+    P = as_matrix(room[end : end + r * r], r, r)
+    which = as_matrix(counts[: 3 * K], 3, K)
     busy = counts[3 * K : 4 * K]
-    reflectors = counts[4 * K :].reshape((2, m))
+    reflectors = as_matrix(counts[4 * K :], 2, m)
     K = NONE
     for i in range(r0):
         if rows.flags[STATE, i] == KEPT:

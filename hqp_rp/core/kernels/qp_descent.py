@@ -31,6 +31,7 @@ from hqp_rp.core.kernels.qp_factor import length_of, scale_rows
 from hqp_rp.core.kernels.qp_finish import finish_stage
 from hqp_rp.core.kernels.qp_polish import polish_in_place
 from hqp_rp.core.kernels.qp_rows import stage_qp
+from hqp_rp.core.kernels.room import as_matrix
 
 DONE = 0
 NOT_FINITE = 1
@@ -149,7 +150,7 @@ def answer(numbers, counts, t, y):
         for i in range(count):
             multipliers[i] = 0.0
     elif counts[POLISH] and count > 0:
-        polish_in_place(q[:a], q[a:b], q[b:c].reshape((count, nt)), q[c:e], q[e:f], soft, step, multipliers)
+        polish_in_place(q[:a], q[a:b], as_matrix(q[b:c], count, nt), q[c:e], q[e:f], soft, step, multipliers)
     desk.known[k] = 1
     for i in range(counts[M]):
         desk.guess_y[k, i] = 0.0

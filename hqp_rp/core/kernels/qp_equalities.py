@@ -10,16 +10,20 @@ What the proof uses of the factorization it checks against the problem's own row
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
+from numba.core import types
 
-from hqp_rp.core.kernels.compile import inlined, lean
+from hqp_rp.core.kernels.compile import Compiled, entry, inlined, lean
+from hqp_rp.core.kernels.direct import equalities_of
 from hqp_rp.core.kernels.householder import padded
 from hqp_rp.core.kernels.orthogonal import EPS, load, triangle, turn_back_reflectors, turn_forward
 from hqp_rp.core.kernels.qp_factor import length_of, power_of_two
 from hqp_rp.core.kernels.qp_tall import lay_down
+from hqp_rp.core.kernels.room import as_matrix
 from hqp_rp.core.kernels.vector import dot_row, sum_of_squares
 
 PROVEN = 0  # done: x is proven optimal
@@ -28,6 +32,7 @@ OPEN = -1  # a rank, an answer or the optimum is not proven here
 # Where what is in `numbers` and in `counts`.
 TOLERANCE, RANK_TOLERANCE, SIZE = range(3)
 SCALARS = 8
+VECTORS = 7  # of unknowns, in the order of `Room`
 N, M, P, STAGE = range(4)
 SIZES = 4
 
@@ -73,7 +78,7 @@ def room_parts(n, M, p):
     tall = padded(M)
     A = SCALARS + M * wide
     T = A + M * wide + n * tall
-    vectors = T + 7 * wide
+    vectors = T + VECTORS * wide
     rows = vectors + tall + 3 * M
     reflectors = SIZES + 2 * M
     return A, A + M * wide, T, vectors, rows, rows + 3 * p, reflectors, reflectors + 2 * (p + 1) + n
@@ -88,8 +93,8 @@ def room_of(numbers, counts):
     A, W, T, vectors, rows, levels, reflectors, end = room_parts(n, m, p)
     wide = padded(n)
     return Room(
-        numbers[SCALARS:A].reshape((m, wide)),
-        numbers[A:W].reshape((m, wide)),
+        as_matrix(numbers[SCALARS:A], m, wide),
+        as_matrix(numbers[A:W], m, wide),
         numbers[W:T],
         numbers[T : T + wide],
         numbers[T + wide : T + 2 * wide],
@@ -114,11 +119,12 @@ def room_of(numbers, counts):
 
 
 @lean
-def go_on(matrix, rhs, offsets, numbers, counts, w):
-    """Begin (w empty) or go on with the answer w (r,) of the QP that was asked for.
+def go_on(problem, numbers, counts, w):
+    """Begin (w empty) or go on with the answer w (r,) of the QP that was asked for; problem: the address of its description.
 
     Returns r > 0, the size of the QP to solve, its gradient being `Room.g`; `PROVEN`, x being `Room.x`; or `OPEN`.
     """
+    matrix, rhs, offsets = equalities_of(problem)
     room = room_of(numbers, counts)
     if len(w) == 0:
         if not take_up(matrix, rhs, offsets, room):
@@ -151,6 +157,13 @@ def go_on(matrix, rhs, offsets, numbers, counts, w):
             if size != 0.0:
                 return OPEN
     return PROVEN if proven_by(counts[N], rhs, offsets, room, numbers[TOLERANCE]) else OPEN
+
+
+@functools.cache
+def go_on_entry() -> Compiled:
+    """The machine code of `go_on`: numbers float64, counts int64 and w float64 must be contiguous vectors."""
+    vector = types.float64[::1]
+    return entry(go_on, (types.int64, vector, types.int64[::1], vector))
 
 
 @lean
@@ -217,7 +230,7 @@ def answered(room, r0, r1, c0, size, eps, w):
             room.y[c0 + i] = s / room.W[r0 + i, c0 + i]
         return True
     wide = padded(m)
-    T = room.T[: r * wide].reshape((r, wide))
+    T = as_matrix(room.T[: r * wide], r, wide)
     for j in range(r - 1, -1, -1):
         s = w[j] * size
         for i in range(j + 1, r):

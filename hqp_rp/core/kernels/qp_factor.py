@@ -15,6 +15,7 @@ from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.householder import reflect_rows_by_all
 from hqp_rp.core.kernels.orthogonal import frobenius, inverse_norm, lq, spectral, triangle
 from hqp_rp.core.kernels.qp_tall import by_singular_values, lay_down, turn_columns
+from hqp_rp.core.kernels.room import as_matrix
 from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
 
 GONE = 1e-10  # A kept row with no more than this left in the free directions is rounding noise.
@@ -130,7 +131,7 @@ def triangle_norm(B, r):
 def tall_to_lower(desk, m, c0, r, rows):
     """B, lower triangular, from the R of `lay_down`: w and z in reverse order, and the columns of `turned` as pivoted."""
     wide = (m + 7) // 8 * 8
-    L = desk.tall[: r * wide].reshape((r, wide))
+    L = as_matrix(desk.tall[: r * wide], r, wide)
     for i in range(r):
         desk.c[i] = desk.right[r - 1 - i]
         for j in range(i + 1):

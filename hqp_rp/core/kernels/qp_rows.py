@@ -28,6 +28,7 @@ from hqp_rp.core.kernels.qp_desk import (
 )
 from hqp_rp.core.kernels.qp_factor import factor_equalities, keep_felt, length_of, over_triangle, power_of_two, times_Q
 from hqp_rp.core.kernels.qp_slacks import fill_slacks
+from hqp_rp.core.kernels.room import as_matrix
 from hqp_rp.core.kernels.vector import add_multiple, dot_row, sum_of_squares
 
 FLAT = 1e-3  # Singular values are preconditioned away down to this fraction of the largest one.
@@ -105,7 +106,7 @@ def stage_qp(numbers, counts):
     counts[T] = t
     q = desk.qp
     a, b, c, e, f, g, H, gs, C, lo, hi, s, end = qp_parts(t, count, mS)
-    rows = q[b:c].reshape((count, t))
+    rows = as_matrix(q[b:c], count, t)
     largest = 0.0
     total = 0.0
     for j in range(rank):
@@ -165,7 +166,7 @@ def stage_qp(numbers, counts):
         full = t + mS
         fill_slacks(
             q[:a], q[a:b], rows, q[c:e], q[e:f], mS, numbers[INFINITE], q[f:g], q[g:H],
-            q[H:gs].reshape((full, full)), q[gs:C], q[C:lo].reshape((count, full)), q[lo:hi], q[hi:s], q[s:end],
+            as_matrix(q[H:gs], full, full), q[gs:C], as_matrix(q[C:lo], count, full), q[lo:hi], q[hi:s], q[s:end],
         )  # fmt: skip
     return guessed
 

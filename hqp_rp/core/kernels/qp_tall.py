@@ -16,6 +16,7 @@ from hqp_rp.core.kernels.householder import (
     turn_vector,
 )
 from hqp_rp.core.kernels.orthogonal import lower_block, turn_forward_by
+from hqp_rp.core.kernels.room import as_matrix
 
 
 @lean
@@ -27,7 +28,7 @@ def lay_down(W, r0, r1, c0, r, room, right, pivot):
     """
     m = r1 - r0
     wide = padded(m)
-    T = room[: r * wide].reshape((r, wide))
+    T = as_matrix(room[: r * wide], r, wide)
     for i in range(m, wide):
         right[i] = 0.0
     for j in range(r):

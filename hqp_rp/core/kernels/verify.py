@@ -16,6 +16,7 @@ from hqp_rp.core.kernels.held import held_back, length_of
 from hqp_rp.core.kernels.householder import reflect_rows_by_all
 from hqp_rp.core.kernels.orthogonal import EPS, load, lq, spectral, triangle
 from hqp_rp.core.kernels.qp_tall import by_singular_values, lay_down, turn_columns
+from hqp_rp.core.kernels.room import as_matrix
 from hqp_rp.core.kernels.vector import dot_row, sum_of_squares
 from hqp_rp.core.kernels.verify_room import proof_of, proof_parts
 from hqp_rp.core.problem import FloatArray, IntArray
@@ -120,12 +121,12 @@ def prove(room, counts, A, lower, upper, offsets, x, zeta, tolerance, rank_tol):
         firm = 0
         if open_question and (h or pulls != fixes):
             d = n - c0
-            C = at.C[: pulls * d].reshape((pulls, d))
+            C = as_matrix(at.C[: pulls * d], pulls, d)
             for i in range(pulls):
                 for j in range(d):
                     C[i, j] = W[at.pulling[i], c0 + j]
                 at.residual[i] = at.v[at.pulling[i]]
-            H = at.H[: h * d].reshape((h, d))
+            H = as_matrix(at.H[: h * d], h, d)
             normals_of(at.held, h, at.side, c0, H)
             if not held_back(C, at.residual[:pulls], H, size, whole, allowed, at.multipliers):
                 return False
@@ -182,11 +183,11 @@ def prove(room, counts, A, lower, upper, offsets, x, zeta, tolerance, rank_tol):
         return True
     if h == 0:
         return False
-    C = at.C[: d * d].reshape((d, d))
+    C = as_matrix(at.C[: d * d], d, d)
     for i in range(d):
         for j in range(d):
             C[i, j] = 1.0 if i == j else 0.0
-    H = at.H[: h * d].reshape((h, d))
+    H = as_matrix(at.H[: h * d], h, d)
     normals_of(at.held, h, at.side, c0, H)
     return held_back(C, at.residual[:d], H, 1.0, 1.0, allowed, at.multipliers)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from hqp_rp.core.kernels.compile import inlined, lean
 from hqp_rp.core.kernels.householder import padded
+from hqp_rp.core.kernels.room import as_matrix
 
 
 class Proof(NamedTuple):
@@ -68,13 +69,13 @@ def proof_of(room, counts, M, n, p):
     wide = padded(n)
     s = padded(M + n)
     return Proof(
-        room[:W].reshape((M + 1, wide)),
-        room[W:held].reshape((M, wide)),
-        room[held:work].reshape((M, wide)),
+        as_matrix(room[:W], M + 1, wide),
+        as_matrix(room[W:held], M, wide),
+        as_matrix(room[held:work], M, wide),
         room[work:C],
         room[C:H],
         room[H:tall],
-        room[tall:V].reshape((n, n)),
+        as_matrix(room[tall:V], n, n),
         room[V:x],
         room[x : x + s],
         room[x + s : x + 2 * s],
