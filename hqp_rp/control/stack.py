@@ -143,7 +143,8 @@ class Stack:
         if assembly.counts is not self._counts:
             self._count(assembly)
             address = 0  # the block is of other counts
-        return assembled(matrix, lower, upper, self._offsets, self._names, not self._two_sided, (block, address))
+        equality, limited = not self._two_sided, bool(self._hard)
+        return assembled(matrix, lower, upper, self._offsets, self._names, equality, limited, (block, address))
 
     def batch(
         self,

@@ -271,6 +271,7 @@ def assembled(
     offsets: tuple[IntArray, IntArray],
     names: tuple[str, ...],
     equality: bool,
+    limited: bool,
     block: tuple[IntArray | None, int] = (None, 0),
 ) -> Problem:
     """The problem whose hard rows, if any, stand on top of its levels' rows; nothing is checked or copied.
@@ -278,6 +279,7 @@ def assembled(
     Args:
         matrix, lower, upper: of all rows, writable. offsets: of the levels, and as of `Problem.with_hard`.
         names: of the levels. equality: whether every row of every level is an equality.
+        limited: whether the problem has hard rows, were it none at present.
         block: what `hqp_rp.core.kernels.direct` knows of the problem, and its address, where that is known already.
     """
     fields = _Fields()
@@ -288,9 +290,9 @@ def assembled(
     fields.is_equality = equality
     fields._block, fields._address = block  # type: ignore[assignment]
     fields._levels = fields._public = None
-    fields._on_top = on_top = int(starts[1])
-    fields._rows = rows - on_top
-    if on_top:
+    fields._on_top = int(starts[1])
+    fields._rows = rows - fields._on_top
+    if limited:
         fields._with_hard = Stacked(matrix, lower, upper, starts)
     else:
         fields.stacked = (matrix, lower, upper, fields._offsets)

@@ -156,7 +156,7 @@ def on_top() -> tuple[Problem, Problem]:
     rows = np.concatenate((np.eye(7), A))
     low, high = np.concatenate((-box, b)), np.concatenate((box, b))
     starts = np.array([0, *(7 + offsets)])
-    together = assembled(rows, low, high, (offsets, starts), ("one", "two", "three"), True)
+    together = assembled(rows, low, high, (offsets, starts), ("one", "two", "three"), True, True)
     return together, unchecked(A, b, offsets, names=("one", "two", "three"), hard=Level(np.eye(7), -box, box, "limits"))
 
 

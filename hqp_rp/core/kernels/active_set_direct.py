@@ -8,14 +8,39 @@ import numpy as np
 from numba.core import types
 
 from hqp_rp.core.kernels.active_set import hierarchical_active_set
-from hqp_rp.core.kernels.compile import Compiled, entry, kernel
-from hqp_rp.core.kernels.direct import equalities_of, hard_rows_of, sizes_of, upper_of
-from hqp_rp.core.kernels.room import STACK_NUMBERS, as_counts, as_matrix, matrix_at, numbers_at, stack_numbers
+from hqp_rp.core.kernels.compile import Compiled, entry, kernel, lean
+from hqp_rp.core.kernels.direct import HARD_ROWS, SIZE, equalities_of, hard_rows_of, sizes_of, upper_of
+from hqp_rp.core.kernels.room import (
+    STACK_NUMBERS,
+    as_counts,
+    as_matrix,
+    counts_at,
+    matrix_at,
+    numbers_at,
+    stack_numbers,
+)
+
+
+@lean
+def active_set_of(problem, z, tol, limit, go_on, x, side):
+    """`hierarchical_active_set` for the problem described at this address; 8 iterations + code."""
+    M, n, p = sizes_of(problem)
+    if p + 2 + (counts_at(problem, SIZE)[HARD_ROWS] + M) * (n + 2) > STACK_NUMBERS:
+        return active_set_on_the_heap(problem, z, tol, limit, go_on, x, side)
+    return active_set_at(stack_numbers(), problem, z, tol, limit, go_on, x, side)
 
 
 @kernel
-def active_set_of(problem, z, tol, limit, go_on, x, side):
-    """`hierarchical_active_set` for the problem described at this address; 8 iterations + code."""
+def active_set_on_the_heap(problem, z, tol, limit, go_on, x, side):
+    """The same where the stack has not the room."""
+    M, n, p = sizes_of(problem)
+    room = np.empty(p + 2 + (counts_at(problem, SIZE)[HARD_ROWS] + M) * (n + 2))
+    return active_set_at(room, problem, z, tol, limit, go_on, x, side)
+
+
+@lean
+def active_set_at(room, problem, z, tol, limit, go_on, x, side):
+    """The same in a given room."""
     M, n, p = sizes_of(problem)
     A, lower, offsets = equalities_of(problem)
     upper = upper_of(problem)
@@ -23,12 +48,6 @@ def active_set_of(problem, z, tol, limit, go_on, x, side):
     h = hard.shape[0]
     above = hard.ctypes.data + 8 * h * n == A.ctypes.data and hard_lower.ctypes.data + 8 * h == lower.ctypes.data
     apart = h > 0 and not (above and hard_upper.ctypes.data + 8 * h == upper.ctypes.data)
-    size = p + 2
-    if apart:
-        size += (h + M) * (n + 2)
-    room = stack_numbers()
-    if size > STACK_NUMBERS:
-        room = np.empty(size)
     starts = as_counts(room, p + 2)
     starts[0] = 0
     for k in range(p + 1):

@@ -71,16 +71,27 @@ def null_space(A, b, offsets, z, tol, kind, first, second, x):
     return null_space_in(room, A, b, offsets, tol, kind, first, second, x)
 
 
-@kernel
+@lean
 def null_space_of(problem, settings, x):
     """`null_space` for the problem described at this address; settings: address of tol, kind, first, second; x: z, then x."""
     M, n, p = sizes_of(problem)
+    if null_space_room(M, n, p) > STACK_NUMBERS:
+        return null_space_on_the_heap(problem, settings, x)
+    return null_space_at(stack_numbers(), problem, settings, x)
+
+
+@kernel
+def null_space_on_the_heap(problem, settings, x):
+    """The same where the stack has not the room."""
+    M, n, p = sizes_of(problem)
+    return null_space_at(np.empty(null_space_room(M, n, p)), problem, settings, x)
+
+
+@lean
+def null_space_at(room, problem, settings, x):
+    """The same in a given room."""
     A, b, offsets = equalities_of(problem)
     given = numbers_at(settings, 4)
-    size = null_space_room(M, n, p)
-    room = stack_numbers()
-    if size > STACK_NUMBERS:
-        room = np.empty(size)
     return null_space_in(room, A, b, offsets, given[0], int(given[1]), given[2], given[3], x)
 
 

@@ -101,10 +101,12 @@ def factor_equalities(desk, mE, rows, c0, r0, r1, tol, sharpest):
             desk.c[i] = desk.right[i]
     else:
         lay_down(desk.work, 0, mE, c0, r, desk.tall, desk.right, desk.pivot)
-        tall_to_lower(desk, mE, c0, r, rows)
+        tall_to_lower(desk, mE, r)
     for j in range(r):
         desk.sharp[j] = 1.0
     if proven and (sharpest == 0.0 or inverse_norm(desk.B, 0, 0, r) * triangle_norm(desk.B, r) * sharpest <= 1.0):
+        if r < mE:
+            turn_as_pivoted(desk, c0, r, rows)
         return r
     rank = by_singular_values(desk.work, mE, c0, r, zero, desk.residual, desk.B, desk.sharp, desk.c)
     turn_columns(desk.turned, 0, rows, c0, desk.B, r)
@@ -128,14 +130,19 @@ def triangle_norm(B, r):
 
 
 @lean
-def tall_to_lower(desk, m, c0, r, rows):
-    """B, lower triangular, from the R of `lay_down`: w and z in reverse order, and the columns of `turned` as pivoted."""
+def tall_to_lower(desk, m, r):
+    """B, lower triangular, from the R of `lay_down`: w and z in reverse order."""
     wide = (m + 7) // 8 * 8
     L = as_matrix(desk.tall[: r * wide], r, wide)
     for i in range(r):
         desk.c[i] = desk.right[r - 1 - i]
         for j in range(i + 1):
             desk.B[i, j] = L[r - 1 - j, r - 1 - i]
+
+
+@lean
+def turn_as_pivoted(desk, c0, r, rows):
+    """Columns c0:c0 + r of the first rows of `turned` in the order of `lay_down`'s pivots, reversed, as `tall_to_lower`'s B."""
     for i in range(rows):
         for j in range(r):
             desk.z[j] = desk.turned[i, c0 + desk.pivot[r - 1 - j]]

@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from hqp_rp.core.kernels.cascade import apply_pseudo_inverse, finite, pseudo_inverse, solve_level
-from hqp_rp.core.kernels.compile import kernel
+from hqp_rp.core.kernels.compile import kernel, lean
 from hqp_rp.core.kernels.direct import equalities_of, sizes_of
 from hqp_rp.core.kernels.orthogonal import (
     damped_inverse,
@@ -298,18 +298,31 @@ def columns_form(A, b, offsets, z, tol, kind, first, second, x):
     return reverse_priority(A, b, offsets, z, tol, kind, first, second, False, x)
 
 
-@kernel
+@lean
 def columns_form_of(problem, settings, x):
     """`columns_form` for the problem described at this address; settings: address of tol, kind, first, second; x: z, then x."""
     M, n, p = sizes_of(problem)
+    if n + plain_room(M, n, p) > STACK_NUMBERS:
+        return columns_form_on_the_heap(problem, settings, x)
+    return columns_form_at(stack_numbers(), problem, settings, x)
+
+
+@kernel
+def columns_form_on_the_heap(problem, settings, x):
+    """The same where the stack has not the room."""
+    M, n, p = sizes_of(problem)
+    return columns_form_at(np.empty(n + plain_room(M, n, p)), problem, settings, x)
+
+
+@lean
+def columns_form_at(room, problem, settings, x):
+    """The same in a given room."""
     A, b, offsets = equalities_of(problem)
+    M, n = A.shape
+    size = plain_room(M, n, len(offsets) - 1)
     given = numbers_at(settings, 4)
     tol = given[0]
     kind = int(given[1])
-    size = plain_room(M, n, p)
-    room = stack_numbers()
-    if n + size > STACK_NUMBERS:
-        room = np.empty(n + size)
     z = room[size : size + n]
     for j in range(n):
         z[j] = x[j]
