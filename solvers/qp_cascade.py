@@ -90,7 +90,7 @@ class QpCascade(Solver):
     def reset(self) -> None:
         """Forget warm starts and workspaces."""
         self._workspace.clear()
-        self.__dict__.pop("_backend", None)
+        vars(self).pop("_backend", None)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""

@@ -313,3 +313,16 @@ def test_hard_rows_in_conflict_that_no_qp_can_help(hard: Level) -> None:
     for solver in (QpCascade(), Weighted()):
         solution = solver.solve(Problem([Level.equality(np.ones((1, hard.n)), [3.0])], hard))
         assert solution.status is Status.INFEASIBLE, solution.message
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_equalities_of_very_different_size_beside_two_sided_rows_in_one_level(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((12, 4)) * np.array([1.0, 1e-2, 1e-4, 1e-5])
+    b = rng.standard_normal(12)
+    lower, upper = b.copy(), b.copy()
+    lower[9:], upper[9:] = b[9:] - 0.1, b[9:] + 0.1
+    problem = Problem([Level(A, lower, upper)], hard=Level(np.eye(4), -1e4, 1e4))
+    solution = QpCascade().solve(problem)
+    assert solution.status is Status.SOLVED, solution.message
+    assert certify(problem, solution.x).ok
