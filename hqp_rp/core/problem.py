@@ -255,7 +255,10 @@ def _become_problem(
     fields.names = names
     fields.hard = hard
     fields._on_top = 0 if hard is None else len(hard.lower)
-    fields._rows, fields.n = stacked[0].shape
+    try:
+        fields._rows, fields.n = stacked[0].shape
+    except (AttributeError, ValueError):
+        raise ProblemError(f"matrix has shape {np.shape(stacked[0])}; it must be an array (M, n).") from None
     fields.p = len(stacked[3]) - 1
     fields.is_equality = equality
     fields._address = 0
@@ -341,11 +344,13 @@ def _described(problem: Problem) -> tuple[IntArray, int]:
             return block, direct.describe_on_top(*together[:3], problem._offsets, block)
         address: int = direct.describe(*problem.stacked, block)
         hard = problem.hard
-        if hard is not None:
-            direct.describe_hard(hard.A, hard.lower, hard.upper, block)
-        return block, address
+        if hard is not None and not direct.describe_hard(hard.A, hard.lower, hard.upper, block):
+            address = 0
+        if address:
+            return block, address
     except TypeError:
-        return _described_slowly(block, problem)
+        pass
+    return _described_slowly(block, problem)
 
 
 def _described_slowly(block: IntArray, problem: Problem) -> tuple[IntArray, int]:
@@ -362,6 +367,10 @@ def _described_slowly(block: IntArray, problem: Problem) -> tuple[IntArray, int]
                 f"{name} is {told}; from_stacked(check=False) takes a C-contiguous {kind} array as it is. Convert "
                 "it with numpy.ascontiguousarray, or leave check=True."
             )
+    matrix, lower, upper, offsets = (np.asarray(array) for _, array in arrays[:4])
+    _split(matrix, lower, upper, offsets, problem.names)  # raises where they do not fit
+    if hard is not None and hard.n != problem.n:
+        raise ProblemError(f"The hard rows have {hard.n} columns and the levels have {problem.n}: they must be equal.")
     places = [array.__array_interface__["data"][0] for _, array in arrays]
     places += [0] * (7 - len(places))
     block[:] = *places[:4], problem._rows, problem.n, problem.p, *places[4:], problem._on_top

@@ -85,6 +85,31 @@ def test_arrays_that_compiled_code_cannot_read_are_refused_by_name(name: str, ch
         get_solver("null_space").solve(problem)
 
 
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda A, b, o: (A, b[:5], o), r"do not fit: matrix \(6, 7\), lower \(5,\)"),
+        (
+            lambda A, b, o: (A, b, np.array([0, 3, 7])),
+            r"offsets = \[0, 3, 7\] must rise from 0 to the number of rows, 6",
+        ),
+        (lambda A, b, o: (A, b, np.array([0, 7, 6])), "must rise from 0"),
+        (lambda A, b, o: (A, b, np.array([1, 3, 6])), "must rise from 0"),
+        (lambda A, b, o: (A[0], b, o), r"matrix has shape \(7,\); it must be an array \(M, n\)"),
+    ],
+)
+def test_arrays_that_do_not_fit_together_are_refused_before_they_are_read(change, text: str) -> None:
+    A, b, offsets = change(*arrays())
+    with pytest.raises(ProblemError, match=text):
+        get_solver("null_space").solve(Problem.from_stacked(A, b, b, offsets, check=False))
+
+
+def test_hard_rows_of_another_size_are_refused_before_they_are_read() -> None:
+    problem = unchecked(*arrays(), hard=Level(np.eye(6), -1.0, 1.0))
+    with pytest.raises(ProblemError, match="hard rows have 6 columns and the levels have 7"):
+        get_solver("hierarchical_active_set").solve(problem)
+
+
 def test_the_arrays_outlive_whoever_made_the_problem() -> None:
     def made() -> Problem:
         A, b, offsets = arrays(seed=5)

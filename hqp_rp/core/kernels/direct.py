@@ -52,6 +52,13 @@ def hard_rows_of(problem):
 
 @lean
 def _describe(matrix, lower, upper, offsets, block):
+    M = matrix.shape[0]
+    p = offsets.shape[0] - 1
+    if lower.shape[0] != M or upper.shape[0] != M or p < 1 or offsets[0] != 0 or offsets[p] != M:
+        return 0
+    for k in range(p):
+        if offsets[k] > offsets[k + 1]:
+            return 0
     block[MATRIX] = matrix.ctypes.data
     block[LOWER] = lower.ctypes.data
     block[UPPER] = upper.ctypes.data
@@ -68,10 +75,13 @@ def _describe(matrix, lower, upper, offsets, block):
 
 @lean
 def _describe_hard(matrix, lower, upper, block):
+    if matrix.shape[1] != block[UNKNOWNS]:
+        return False
     block[HARD_MATRIX] = matrix.ctypes.data
     block[HARD_LOWER] = lower.ctypes.data
     block[HARD_UPPER] = upper.ctypes.data
     block[HARD_ROWS] = matrix.shape[0]
+    return True
 
 
 @lean
@@ -102,7 +112,8 @@ _FROZEN_ROWS = types.Array(types.float64, 2, "C", readonly=True)
 _FROZEN_BOUNDS = types.Array(types.float64, 1, "C", readonly=True)
 
 describe = fixed(_describe, (_ROWS, _BOUNDS, _BOUNDS, _COUNTS, _COUNTS))
-"""describe(matrix, lower, upper, offsets, block): fill the block for a problem without hard rows; returns its address.
+"""describe(matrix, lower, upper, offsets, block): fill the block for a problem without hard rows; returns its address, or 0
+for arrays that do not fit together.
 
 `TypeError` for arrays of other types or of another layout, or read-only."""
 
@@ -110,7 +121,7 @@ describe_on_top = fixed(_describe_on_top, (_ROWS, _BOUNDS, _BOUNDS, _COUNTS, _CO
 """describe_on_top(matrix, lower, upper, offsets, block): the same where hard rows stand above the levels' rows."""
 
 describe_hard = fixed(_describe_hard, (_FROZEN_ROWS, _FROZEN_BOUNDS, _FROZEN_BOUNDS, _COUNTS))
-"""describe_hard(matrix, lower, upper, block): add hard rows, which are read-only."""
+"""describe_hard(matrix, lower, upper, block): add hard rows, which are read-only; whether they have as many columns."""
 
 
 def closed_form_entry(kernel: Compiled) -> Compiled:
