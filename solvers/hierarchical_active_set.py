@@ -127,13 +127,15 @@ class HierarchicalActiveSet(Solver):
             if self.warm_start:
                 self._kept[problem._on_top, problem._rows, problem.n] = x.copy(), side.copy()
             return solution
+        if (
+            guessed
+        ):  # a guess may lead into a cycle, out of what numbers hold, or to rows that all but contradict each other
+            return self.solve(problem, secondary)
         if code == INFEASIBLE:
             names = ", ".join(str(i) for i in np.flatnonzero(side))
             message = f"Hard rows {names} contradict each other: no x meets them all."
             least = x if self.least_violation else None
             return Solution(problem, least, Status.INFEASIBLE, iterations, message, secondary)
-        if guessed:  # a guess may lead into a cycle, or out of what numbers hold
-            return self.solve(problem, secondary)
         if code == LIMIT:
             limit = self._limit(len(side))
             message = f"No optimal working set in {limit} iterations; raise max_iterations."

@@ -263,3 +263,17 @@ def test_what_is_kept_may_be_spoilt_by_nobody() -> None:
     first.x[:] = np.nan
     first.held[:] = 7
     np.testing.assert_allclose(solver.solve(problem).x, expected, rtol=1e-12)
+
+
+def test_a_warm_start_decides_no_contradiction() -> None:
+    solver = get_solver(NAME)
+    feasible = Problem([Level.equality([[1.0, 2.0]], [1.0])], hard=Level(np.eye(2), -0.5, 0.5))
+    narrow = Problem(
+        [Level.equality([[1.0, 2.0]], [1.0])], hard=Level([[1.0, 0.0], [1.0, 0.0]], [1.0, -9.0], [9.0, 0.0])
+    )
+    solver.solve(feasible)
+    warm, cold = solver.solve(narrow), get_solver(NAME, warm_start=False).solve(narrow)
+    assert warm.status is cold.status is Status.INFEASIBLE
+    assert warm.message == cold.message
+    assert warm.iterations == cold.iterations  # that it started again
+    assert solver.solve(feasible).status is Status.SOLVED
