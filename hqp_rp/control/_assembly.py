@@ -16,8 +16,9 @@ import numpy as np
 from hqp_rp.control._checks import real_array
 from hqp_rp.control._compiled import CompiledRows
 from hqp_rp.control._plan import Plan
+from hqp_rp.core.description import unknown_block
 from hqp_rp.core.errors import ProblemError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray, unknown_block
+from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.threads import in_shares
 from hqp_rp.robot.robot import Robot
 
@@ -93,7 +94,7 @@ class Assembly:
     def described(
         self, dt: float | None, v: FloatArray | None, plain: bool, block: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-        """`rows`, and the address of a block of `hqp_rp.core.problem.block_of`, which now says where they are."""
+        """`rows`, and the address of a block of `hqp_rp.core.description.block_of`, which now says where they are."""
         others = self._given(dt, v) if self._others else None
         # Fresh at each step: a problem that someone keeps must not change when the next one is built.
         matrix, lower = _empty(self._shape), _empty(self._total)

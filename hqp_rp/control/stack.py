@@ -14,8 +14,9 @@ from hqp_rp.control._assembly import LIMIT, MINK_TASK, TASK, Assembly
 from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
+from hqp_rp.core.description import block_of
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray, Problem, assembled, block_of
+from hqp_rp.core.problem import FloatArray, IntArray, Problem, assembled
 from hqp_rp.robot.robot import Robot
 
 if TYPE_CHECKING:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -140,3 +142,64 @@ def _check_bounds(lower: FloatArray, upper: FloatArray, label: str) -> None:
 def frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     array.flags.writeable = False
     return array
+
+
+def split_levels(
+    matrix: ArrayLike, lower: ArrayLike, upper: ArrayLike, offsets: ArrayLike, names: Sequence[str] | None
+) -> list[Level]:
+    matrix, lower, upper = np.asarray(matrix), np.asarray(lower), np.asarray(upper)
+    offsets = np.asarray(offsets)
+    if matrix.ndim != 2 or lower.shape != (len(matrix),) or upper.shape != (len(matrix),):
+        raise ProblemError(
+            f"The stacked arrays do not fit: matrix {matrix.shape}, lower {lower.shape}, upper {upper.shape}; "
+            "they must be (M, n), (M,) and (M,)."
+        )
+    if offsets.ndim != 1 or offsets.dtype.kind not in "iu":
+        raise ProblemError(f"offsets must be a vector of integers, not {offsets.dtype} of shape {offsets.shape}.")
+    steps = np.diff(offsets.astype(np.int64))
+    if len(offsets) < 2 or offsets[0] != 0 or offsets[-1] != len(matrix) or (steps < 0).any():
+        raise ProblemError(
+            f"offsets = {offsets.tolist()} must rise from 0 to the number of rows, {len(matrix)}, "
+            "one entry more than levels."
+        )
+    p = len(offsets) - 1
+    if names is not None and len(names) != p:
+        raise ProblemError(f"{len(names)} names for {p} levels: give one name for each level, or none.")
+    labels = list(names) if names is not None else [""] * p
+    return [
+        Level(matrix[a:b], lower[a:b], upper[a:b], labels[k]) for k, (a, b) in enumerate(itertools.pairwise(offsets))
+    ]
+
+
+def checked_levels(levels: Sequence[Level], hard: Level | None) -> list[Level]:
+    if isinstance(levels, Level):
+        raise ProblemError("Problem takes a list of levels, most important first: write Problem([level]).")
+    levels = list(levels)
+    if not levels:
+        raise ProblemError("A problem needs at least one level: an empty list was given.")
+    for k, level in enumerate(levels):
+        if not isinstance(level, Level):
+            raise ProblemError(
+                f"Level {k + 1} is a {type(level).__name__}: build it with Level(...) or Level.equality(...)."
+            )
+    n = levels[0].n
+    if n == 0:
+        raise ProblemError(
+            f"{_label(levels[0], 0)} has no unknowns: A is {levels[0].A.shape}, and n must be at least 1."
+        )
+    for k, level in enumerate(levels):
+        if level.n != n:
+            raise ProblemError(
+                f"{_label(level, k)} has {level.n} columns and {_label(levels[0], 0)} has {n}: "
+                "every level must have one column for each unknown."
+            )
+    if hard is not None:
+        if not isinstance(hard, Level):
+            raise ProblemError(f"hard is a {type(hard).__name__}: build it with Level(A, lower, upper).")
+        if hard.n != n:
+            raise ProblemError(f"The hard rows have {hard.n} columns and the levels have {n}: they must be equal.")
+    return levels
+
+
+def _label(level: Level, k: int) -> str:
+    return f"Level {k + 1} ({level.name!r})" if level.name else f"Level {k + 1}"

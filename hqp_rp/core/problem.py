@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-import itertools
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, final
+from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from hqp_rp.core.description import described
 from hqp_rp.core.errors import ProblemError
-from hqp_rp.core.level import FloatArray, IntArray, Level, frozen
+from hqp_rp.core.level import FloatArray, IntArray, Level, checked_levels, frozen, split_levels
 
 __all__ = ["FloatArray", "IntArray", "Level", "Problem", "Stacked"]
 
@@ -96,7 +94,7 @@ class Problem(_Fields):
     __slots__ = ()
 
     def __init__(self, levels: Sequence[Level], hard: Level | None = None) -> None:
-        levels = _checked_levels(levels, hard)
+        levels = checked_levels(levels, hard)
         on_top = 0 if hard is None else hard.m
         everything = levels if hard is None else [hard, *levels]
         offsets = np.zeros(len(levels) + 1, dtype=np.int64)
@@ -135,7 +133,7 @@ class Problem(_Fields):
         `upper` for a pure equality problem.
         """
         if check:
-            return cls(_split(matrix, lower, upper, offsets, names), hard)
+            return cls(split_levels(matrix, lower, upper, offsets, names), hard)
         if names is None:
             names = [f"level {k + 1}" for k in range(len(offsets) - 1)]
         equality = lower is upper or bool((lower == upper).all())
@@ -203,7 +201,7 @@ class Problem(_Fields):
         Raises `ProblemError` where `from_stacked(check=False)` was given arrays that compiled code cannot read.
         """
         if not self._address:
-            block, address = _described(self)
+            block, address = described(self)
             object.__setattr__(self, "_block", block)
             object.__setattr__(self, "_address", address)
         return self._address
@@ -304,79 +302,6 @@ def assembled(
     return fields  # type: ignore[return-value]
 
 
-@functools.cache
-def unknown_block() -> IntArray:
-    """A block of `hqp_rp.core.kernels.direct` for rows that are nobody's problem."""
-    return np.zeros(_direct().SIZE, np.int64)
-
-
-def block_of(offsets: IntArray, on_top: int, n: int) -> IntArray:
-    """A block of `hqp_rp.core.kernels.direct` that knows everything but where the rows are.
-
-    offsets (p + 1,) of the levels must live as long as the block and its copies; on_top hard rows, n unknowns.
-    """
-    direct = _direct()
-    block = np.zeros(direct.SIZE, np.int64)
-    block[direct.OFFSETS] = offsets.__array_interface__["data"][0]
-    block[direct.ROWS], block[direct.UNKNOWNS], block[direct.LEVELS] = offsets[-1], n, len(offsets) - 1
-    block[direct.HARD_ROWS] = on_top
-    return block
-
-
-@functools.cache
-def _direct() -> Any:
-    """The compiled code that describes arrays, imported when first needed."""
-    from hqp_rp.core.kernels import direct
-
-    return direct
-
-
-def _described(problem: Problem) -> tuple[IntArray, int]:
-    """The block of `hqp_rp.core.kernels.direct` for the problem's arrays, and its address; both hold as long as these live.
-
-    Raises `ProblemError` for arrays that compiled code cannot read.
-    """
-    direct = _direct()
-    block = np.empty(direct.SIZE, np.int64)
-    try:
-        together = problem._with_hard
-        if together is not None and problem._on_top:
-            return block, direct.describe_on_top(*together[:3], problem._offsets, block)
-        address: int = direct.describe(*problem.stacked, block)
-        hard = problem.hard
-        if hard is not None and not direct.describe_hard(hard.A, hard.lower, hard.upper, block):
-            address = 0
-        if address:
-            return block, address
-    except TypeError:
-        pass
-    return _described_slowly(block, problem)
-
-
-def _described_slowly(block: IntArray, problem: Problem) -> tuple[IntArray, int]:
-    """The same for read-only arrays; and the error for arrays of another type or layout."""
-    hard = problem.hard
-    arrays = list(zip(("matrix", "lower", "upper", "offsets"), problem.stacked, strict=True))
-    if hard is not None:
-        arrays += [("hard.A", hard.A), ("hard.lower", hard.lower), ("hard.upper", hard.upper)]
-    for name, array in arrays:
-        kind = np.dtype(np.int64 if name == "offsets" else np.float64)
-        if not isinstance(array, np.ndarray) or array.dtype != kind or not array.flags.c_contiguous:
-            told = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
-            raise ProblemError(
-                f"{name} is {told}; from_stacked(check=False) takes a C-contiguous {kind} array as it is. Convert "
-                "it with numpy.ascontiguousarray, or leave check=True."
-            )
-    matrix, lower, upper, offsets = (np.asarray(array) for _, array in arrays[:4])
-    _split(matrix, lower, upper, offsets, problem.names)  # raises where they do not fit
-    if hard is not None and hard.n != problem.n:
-        raise ProblemError(f"The hard rows have {hard.n} columns and the levels have {problem.n}: they must be equal.")
-    places = [array.__array_interface__["data"][0] for _, array in arrays]
-    places += [0] * (7 - len(places))
-    block[:] = *places[:4], problem._rows, problem.n, problem.p, *places[4:], problem._on_top
-    return block, int(block.__array_interface__["data"][0])
-
-
 def _under(offsets: IntArray, on_top: int) -> IntArray:
     """Offsets of the same levels below a level 0 of `on_top` rows."""
     starts = np.zeros(len(offsets) + 1, np.int64)
@@ -394,64 +319,3 @@ def _rebuild(
     hard: Level | None,
 ) -> Problem:
     return Problem.from_stacked(matrix, lower, upper, offsets, names=names, hard=hard)
-
-
-def _split(
-    matrix: ArrayLike, lower: ArrayLike, upper: ArrayLike, offsets: ArrayLike, names: Sequence[str] | None
-) -> list[Level]:
-    matrix, lower, upper = np.asarray(matrix), np.asarray(lower), np.asarray(upper)
-    offsets = np.asarray(offsets)
-    if matrix.ndim != 2 or lower.shape != (len(matrix),) or upper.shape != (len(matrix),):
-        raise ProblemError(
-            f"The stacked arrays do not fit: matrix {matrix.shape}, lower {lower.shape}, upper {upper.shape}; "
-            "they must be (M, n), (M,) and (M,)."
-        )
-    if offsets.ndim != 1 or offsets.dtype.kind not in "iu":
-        raise ProblemError(f"offsets must be a vector of integers, not {offsets.dtype} of shape {offsets.shape}.")
-    steps = np.diff(offsets.astype(np.int64))
-    if len(offsets) < 2 or offsets[0] != 0 or offsets[-1] != len(matrix) or (steps < 0).any():
-        raise ProblemError(
-            f"offsets = {offsets.tolist()} must rise from 0 to the number of rows, {len(matrix)}, "
-            "one entry more than levels."
-        )
-    p = len(offsets) - 1
-    if names is not None and len(names) != p:
-        raise ProblemError(f"{len(names)} names for {p} levels: give one name for each level, or none.")
-    labels = list(names) if names is not None else [""] * p
-    return [
-        Level(matrix[a:b], lower[a:b], upper[a:b], labels[k]) for k, (a, b) in enumerate(itertools.pairwise(offsets))
-    ]
-
-
-def _checked_levels(levels: Sequence[Level], hard: Level | None) -> list[Level]:
-    if isinstance(levels, Level):
-        raise ProblemError("Problem takes a list of levels, most important first: write Problem([level]).")
-    levels = list(levels)
-    if not levels:
-        raise ProblemError("A problem needs at least one level: an empty list was given.")
-    for k, level in enumerate(levels):
-        if not isinstance(level, Level):
-            raise ProblemError(
-                f"Level {k + 1} is a {type(level).__name__}: build it with Level(...) or Level.equality(...)."
-            )
-    n = levels[0].n
-    if n == 0:
-        raise ProblemError(
-            f"{_label(levels[0], 0)} has no unknowns: A is {levels[0].A.shape}, and n must be at least 1."
-        )
-    for k, level in enumerate(levels):
-        if level.n != n:
-            raise ProblemError(
-                f"{_label(level, k)} has {level.n} columns and {_label(levels[0], 0)} has {n}: "
-                "every level must have one column for each unknown."
-            )
-    if hard is not None:
-        if not isinstance(hard, Level):
-            raise ProblemError(f"hard is a {type(hard).__name__}: build it with Level(A, lower, upper).")
-        if hard.n != n:
-            raise ProblemError(f"The hard rows have {hard.n} columns and the levels have {n}: they must be equal.")
-    return levels
-
-
-def _label(level: Level, k: int) -> str:
-    return f"Level {k + 1} ({level.name!r})" if level.name else f"Level {k + 1}"
