@@ -87,6 +87,18 @@ def draw(rng, n, integers, hard_kind):
     return Problem(levels, hard=hard)
 
 
+def right_verdict(solver, problem):
+    """How a solve ended: solved, and certified, or infeasible, as the exact truth has it."""
+    solution = solver.solve(problem)
+    assert solution.status in (Status.SOLVED, Status.INFEASIBLE)
+    if solution.status is Status.SOLVED:
+        certificate = certify(problem, solution.x)
+        assert certificate.ok, certificate.sentence
+    else:
+        assert not truth(problem).feasible
+    return solution.status
+
+
 @settings(max_examples=300, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -98,14 +110,8 @@ def test_no_wrong_verdict_on_random_problems(seed, n, integers, hard_kind):
     problem = draw(np.random.default_rng(seed), n, integers, hard_kind)
     solver = get_solver(NAME)
     for _ in range(2):  # cold, then from its own answer
-        solution = solver.solve(problem)
-        assert solution.status in (Status.SOLVED, Status.INFEASIBLE)
-        if solution.status is Status.SOLVED:
-            certificate = certify(problem, solution.x)
-            assert certificate.ok, certificate.sentence
-        else:
-            assert hard_kind == "any"
-            assert not truth(problem).feasible
+        status = right_verdict(solver, problem)
+        assert status is Status.SOLVED or hard_kind == "any"
 
 
 def neighbour(problem, rng, size):
@@ -133,13 +139,7 @@ def test_no_wrong_verdict_from_the_answer_of_a_neighbour(seed, n, integers, hard
     problem = draw(rng, n, integers, hard_kind)
     solver = get_solver(NAME)
     for _ in range(4):
-        solution = solver.solve(problem)
-        assert solution.status in (Status.SOLVED, Status.INFEASIBLE)
-        if solution.status is Status.SOLVED:
-            certificate = certify(problem, solution.x)
-            assert certificate.ok, certificate.sentence
-        else:
-            assert not truth(problem).feasible
+        right_verdict(solver, problem)
         problem = neighbour(problem, rng, size)
 
 
