@@ -87,14 +87,14 @@ class HierarchicalActiveSet(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         n = problem.n
-        shape = (problem._on_top, problem._rows, n)
+        shape = (problem.hard_rows, problem.rows, n)
         warm = self.warm_start
         kept = self._kept.pop(shape, None) if warm else None  # nobody else starts from it meanwhile
         rows = shape[0] + shape[1]
         x, side = (np.zeros(n), np.zeros(rows, np.int64)) if kept is None else kept
         limit = self._limit(rows)
         free = zeros(n) if secondary is None else free_copy(secondary, n)
-        address = problem._address or problem.address
+        address = problem.address
         try:
             found = self._search(address, free, self.rank_tolerance, limit, self.least_violation, x, side)
         except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
@@ -125,7 +125,7 @@ class HierarchicalActiveSet(Solver):
             solution = Solution(problem, x, Status.INACCURATE if fault else Status.SOLVED, iterations, fault, secondary)
             solution.held = side
             if self.warm_start:
-                self._kept[problem._on_top, problem._rows, problem.n] = x.copy(), side.copy()
+                self._kept[problem.hard_rows, problem.rows, problem.n] = x.copy(), side.copy()
             return solution
         if (
             guessed

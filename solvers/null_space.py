@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar, Literal
 
+from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm, Kernel
 from hqp_rp.core.errors import unknown_name
 from hqp_rp.core.solution import Solution, Status
@@ -40,6 +41,11 @@ class NullSpace(ClosedForm):
         super().__post_init__()
         if self.variant not in VARIANTS:
             raise unknown_name("variant of null_space", self.variant, VARIANTS)
+
+    def native(self) -> _native.ClosedForm | None:
+        if self.variant != "basis":
+            return None
+        return _native.null_space(self.rank_tolerance, self.damping.kind, *self.damping.parameters)
 
     def kernel(self) -> Kernel:
         from hqp_rp.core.kernels import cascade

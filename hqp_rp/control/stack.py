@@ -16,7 +16,7 @@ from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
 from hqp_rp.core.description import block_of
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray, Problem, assembled
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -140,12 +140,11 @@ class Stack:
             self._configurations.expire()
 
         block = self._block.copy()
-        matrix, lower, upper, address = assembly.described(dt, v, False, block)
+        matrix, lower, upper, _ = assembly.described(dt, v, False, block)
         if assembly.counts is not self._counts:
             self._count(assembly)
-            address = 0  # the block is of other counts
-        equality, limited = not self._two_sided, bool(self._hard)
-        return assembled(matrix, lower, upper, self._offsets, self._names, equality, limited, (block, address))
+        equality = not self._two_sided
+        return Problem.from_rows(matrix, lower, upper, self._offsets[0], self._names, int(self._offsets[1][1]), equality)
 
     def batch(
         self,

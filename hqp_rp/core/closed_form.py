@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hqp_rp.core import _native
 from hqp_rp.core.damping import Damping, NoDamping, checked_damping
 from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
@@ -94,10 +95,25 @@ class ClosedForm(Solver):
         return closed_form_entry(kernel), int(settings.__array_interface__["data"][0]), settings
 
     def __getstate__(self) -> dict[str, object]:
-        return {name: value for name, value in self.__dict__.items() if name not in {"_bound", "_direct"}}
+        return {name: value for name, value in self.__dict__.items() if name not in {"_bound", "_direct", "_native_solver"}}
+
+    def native(self) -> _native.ClosedForm | None:
+        """The native solver for these settings, where the form has one."""
+        return None
+
+    @functools.cached_property
+    def _native_solver(self) -> _native.ClosedForm | None:
+        return self.native()
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
-        if problem._on_top or not problem.is_equality:
+        native = self._native_solver
+        if native is not None:
+            solution: Solution | None = native.solve(problem, secondary)
+            if solution is not None:
+                if solution.x is None:
+                    solution.message = _OVERFLOW
+                return solution
+        if problem.hard_rows or not problem.is_equality:
             refusal = self._refusal(problem)
             if refusal is not None:
                 return refusal
@@ -105,7 +121,7 @@ class ClosedForm(Solver):
         if direct is None:
             matrix, rhs, _, offsets = problem.stacked
             return self._run(problem, matrix, rhs, offsets, secondary)
-        address = problem._address or problem.address
+        address = problem.address
         x = np.zeros(problem.n) if secondary is None else free_copy(secondary, problem.n)
         try:
             code = direct[0](address, direct[1], x)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hqp_rp.core.errors import ProblemError
-from hqp_rp.core.level import IntArray, split_levels
+from hqp_rp.core.level import IntArray, Level, split_levels
 
 if TYPE_CHECKING:
     from hqp_rp.core.problem import Problem
@@ -48,25 +48,19 @@ def described(problem: Problem) -> tuple[IntArray, int]:
     """
     direct = _direct()
     block = np.empty(direct.SIZE, np.int64)
-    try:
-        together = problem._with_hard
-        if together is not None and problem._on_top:
-            return block, direct.describe_on_top(*together[:3], problem._offsets, block)
-        address: int = direct.describe(*problem.stacked, block)
-        hard = problem.hard
-        if hard is not None and not direct.describe_hard(hard.A, hard.lower, hard.upper, block):
-            address = 0
-        if address:
-            return block, address
-    except TypeError:
-        pass
-    return _described_slowly(block, problem)
-
-
-def _described_slowly(block: IntArray, problem: Problem) -> tuple[IntArray, int]:
-    """The same for read-only arrays; and the error for arrays of another type or layout."""
+    matrix, lower, upper, offsets = problem.stacked
     hard = problem.hard
-    arrays = list(zip(("matrix", "lower", "upper", "offsets"), problem.stacked, strict=True))
+    places = [array.__array_interface__["data"][0] for array in (matrix, lower, upper, offsets)]
+    top = [0, 0, 0] if hard is None else [a.__array_interface__["data"][0] for a in (hard.A, hard.lower, hard.upper)]
+    block[:] = *places, problem.rows, problem.n, problem.p, *top, problem.hard_rows
+    return block, int(block.__array_interface__["data"][0])
+
+
+def require_arrays(
+    matrix: Any, lower: Any, upper: Any, offsets: Any, names: tuple[str, ...] | None, hard: Level | None
+) -> None:
+    """Raise `ProblemError` for arrays that native code cannot read: of another type or layout, or that do not fit."""
+    arrays = [("matrix", matrix), ("lower", lower), ("upper", upper), ("offsets", offsets)]
     if hard is not None:
         arrays += [("hard.A", hard.A), ("hard.lower", hard.lower), ("hard.upper", hard.upper)]
     for name, array in arrays:
@@ -77,11 +71,8 @@ def _described_slowly(block: IntArray, problem: Problem) -> tuple[IntArray, int]
                 f"{name} is {told}; from_stacked(check=False) takes a C-contiguous {kind} array as it is. Convert "
                 "it with numpy.ascontiguousarray, or leave check=True."
             )
-    matrix, lower, upper, offsets = (np.asarray(array) for _, array in arrays[:4])
-    split_levels(matrix, lower, upper, offsets, problem.names)  # raises where they do not fit
-    if hard is not None and hard.n != problem.n:
-        raise ProblemError(f"The hard rows have {hard.n} columns and the levels have {problem.n}: they must be equal.")
-    places = [array.__array_interface__["data"][0] for _, array in arrays]
-    places += [0] * (7 - len(places))
-    block[:] = *places[:4], problem._rows, problem.n, problem.p, *places[4:], problem._on_top
-    return block, int(block.__array_interface__["data"][0])
+    split_levels(matrix, lower, upper, offsets, names)  # raises where they do not fit
+    if hard is not None and hard.n != matrix.shape[1]:
+        raise ProblemError(
+            f"The hard rows have {hard.n} columns and the levels have {matrix.shape[1]}: they must be equal."
+        )

@@ -49,7 +49,7 @@ class QuickDesk:
             self._start[:] = 0.0 if secondary is None else secondary
             self._moved = secondary is not None
         self._tolerance[0] = tolerance
-        address = problem._address or problem.address
+        address = problem.address
         go_on, numbers, counts, gradients = self._go_on, self._numbers, self._counts, self._gradients
         iterations = 0
         r = go_on(address, numbers, counts, NOTHING)

@@ -24,10 +24,10 @@ class Workspace:
 
     def desk(self, problem: Problem) -> Desk:
         """The desk of the problems that have the shape of `problem`."""
-        key = (problem.n, problem._on_top, problem._offsets.tobytes())
+        key = (problem.n, problem.hard_rows, problem.given_offsets.tobytes())
         found = self._desks.get(key)
         if found is None:
-            found = self._desks[key] = Desk(problem.n, problem._on_top, problem.offsets)
+            found = self._desks[key] = Desk(problem.n, problem.hard_rows, problem.offsets)
         return found
 
     def clear(self) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from hqp_rp.core import _native
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,7 +31,7 @@ class Status(enum.Enum):
         return self is Status.SOLVED
 
 
-class Solution:
+class Solution(_native.Solution):
     """One solver's answer to one problem.
 
     Attributes:
@@ -44,7 +46,7 @@ class Solution:
             ||a_i|| ||x|| + |bound|, are held; or None.
     """
 
-    __slots__ = ("_active", "_levels", "held", "iterations", "message", "problem", "secondary", "status", "x")
+    __slots__ = ()
 
     def __init__(
         self,
@@ -55,15 +57,13 @@ class Solution:
         message: str = "",
         secondary: FloatArray | None = None,
     ) -> None:
-        self.problem = problem
-        self.x = x
-        self.status = status
-        self.iterations = iterations
-        self.message = message
-        self.secondary = secondary
-        self.held: NDArray[np.integer] | float | None = None
-        self._levels: tuple[LevelReport, ...] | None = None
-        self._active: NDArray[np.int8] | None = None
+        super().__init__(problem, x, status, iterations, message, secondary)
+
+    def _once(self) -> dict[str, Any]:
+        kept: dict[str, Any] | None = self.kept
+        if kept is None:
+            kept = self.kept = {}
+        return kept
 
     @property
     def active(self) -> NDArray[np.int8] | None:
@@ -83,11 +83,13 @@ class Solution:
         multiplier is zero or not unique. Computed when first asked for. None where there is no x, or where the solver does
         not say.
         """
-        if self._active is None and self.x is not None and self.held is not None:
+        kept = self._once()
+        if "active" not in kept and self.x is not None and self.held is not None:
             from hqp_rp.core.active import active_rows
 
-            self._active = active_rows(self.problem, self.x, self.held)
-        return self._active
+            kept["active"] = active_rows(self.problem, self.x, self.held)
+        found: NDArray[np.int8] | None = kept.get("active")
+        return found
 
     @property
     def active_rows(self) -> tuple[str, ...] | None:
@@ -102,13 +104,18 @@ class Solution:
 
         Raises `ValueError` when there is no x to judge.
         """
-        if self._levels is None:
+        kept = self._once()
+        if "levels" not in kept:
             from hqp_rp.core.diagnostics import diagnose
 
             if self.x is None:
                 raise ValueError(f"There is no x to judge: {self.status.value} {self.message}".rstrip())
-            self._levels = diagnose(self.problem, self.x)
-        return self._levels
+            kept["levels"] = diagnose(self.problem, self.x)
+        found: tuple[LevelReport, ...] = kept["levels"]
+        return found
 
     def __repr__(self) -> str:
         return f"Solution({self.status.name}, x={self.x}, iterations={self.iterations})"
+
+
+_native.register_solution(Solution, tuple(Status))

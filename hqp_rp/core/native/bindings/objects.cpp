@@ -1,0 +1,129 @@
+#include "objects.hpp"
+
+#include <nanobind/stl/string.h>
+
+namespace hqp::python {
+
+namespace {
+
+// What Python registers when hqp_rp is imported: the classes that solvers return, and the members of Status.
+struct Registered {
+  PyObject* solution = nullptr;
+  PyObject* status[6] = {};
+  PyObject* no_message = nullptr;
+};
+Registered registered;
+
+}  // namespace
+
+ProblemObject::ProblemObject(nb::object matrix_, nb::object lower_, nb::object upper_, nb::object offsets_, nb::object names_,
+                             int hard_rows, nb::object hard_, bool is_equality_)
+    : matrix(std::move(matrix_)), lower(std::move(lower_)), upper(std::move(upper_)), offsets(std::move(offsets_)),
+      names(std::move(names_)), hard(std::move(hard_)), kept(nb::none()), on_top(hard_rows > 0), is_equality(is_equality_) {
+  const double* A = required<double>(matrix, 2, "matrix");
+  const double* low = required<double>(lower, 1, "lower");
+  const double* up = required<double>(upper, 1, "upper");
+  const std::int64_t* starts = required<std::int64_t>(offsets, 1, "offsets");
+  const Py_ssize_t rows = length_of(matrix.ptr()), n = length_of(matrix.ptr(), 1), p = length_of(offsets.ptr()) - 1;
+  bool fit = length_of(lower.ptr()) == rows && length_of(upper.ptr()) == rows && n > 0 && p > 0 && hard_rows >= 0 &&
+             starts[0] == 0 && starts[p] == rows - hard_rows;
+  for (Py_ssize_t k = 0; fit && k < p; ++k) fit = starts[k] <= starts[k + 1];
+  if (!fit) throw nb::value_error("matrix, lower, upper and offsets do not fit together.");
+  const std::ptrdiff_t above = static_cast<std::ptrdiff_t>(hard_rows) * n;
+  view.matrix = A + above;
+  view.lower = low + hard_rows;
+  view.upper = up + hard_rows;
+  view.offsets = starts;
+  view.rows = static_cast<int>(rows - hard_rows);
+  view.unknowns = static_cast<int>(n);
+  view.levels = static_cast<int>(p);
+  view.hard_matrix = A;
+  view.hard_lower = low;
+  view.hard_upper = up;
+  view.hard_rows = hard_rows;
+  if (!hard.is_none()) {  // a Level of its own
+    nb::object hard_A = hard.attr("A"), hard_low = hard.attr("lower"), hard_up = hard.attr("upper");
+    view.hard_matrix = required<double>(hard_A, 2, "hard.A");
+    view.hard_lower = required<double>(hard_low, 1, "hard.lower");
+    view.hard_upper = required<double>(hard_up, 1, "hard.upper");
+    view.hard_rows = static_cast<int>(length_of(hard_A.ptr()));
+    if (length_of(hard_A.ptr(), 1) != n || length_of(hard_low.ptr()) != view.hard_rows || length_of(hard_up.ptr()) != view.hard_rows)
+      throw nb::value_error("The hard rows do not fit the levels.");
+  }
+}
+
+nb::object make_solution(nb::handle problem, nb::object x, Outcome outcome, std::int64_t iterations, nb::object message,
+                         nb::object secondary) {
+  nb::object made = nb::inst_alloc(nb::handle(registered.solution));
+  auto* solution = nb::inst_ptr<SolutionObject>(made);
+  new (solution) SolutionObject();
+  solution->problem = nb::borrow(problem);
+  solution->x = std::move(x);
+  solution->status = nb::borrow(registered.status[static_cast<int>(outcome)]);
+  solution->message = message.is_valid() ? std::move(message) : nb::borrow(registered.no_message);
+  solution->secondary = secondary.is_valid() ? std::move(secondary) : nb::none();
+  solution->held = nb::none();
+  solution->kept = nb::none();
+  solution->iterations = iterations;
+  nb::inst_mark_ready(made);
+  return made;
+}
+
+nb::object make_solution(nb::handle problem, nb::object x, Outcome outcome, std::int64_t iterations) {
+  return make_solution(problem, std::move(x), outcome, iterations, nb::object(), nb::object());
+}
+
+void bind_objects(nb::module_& module) {
+  nb::class_<ProblemObject>(module, "Problem", "The native half of `hqp_rp.Problem`: its arrays, and a view of them.")
+      .def(nb::init<nb::object, nb::object, nb::object, nb::object, nb::object, int, nb::object, bool>(), nb::arg("matrix"),
+           nb::arg("lower"), nb::arg("upper"), nb::arg("offsets"), nb::arg("names"), nb::arg("hard_rows"), nb::arg("hard").none(),
+           nb::arg("is_equality"),
+           "Takes arrays as they are, hard rows on top of the levels' rows (hard_rows of them) or apart (hard, a Level). "
+           "TypeError and ValueError for arrays that do not fit.")
+      .def_prop_ro("n", [](const ProblemObject& self) { return self.view.unknowns; }, "Number of unknowns.")
+      .def_prop_ro("p", [](const ProblemObject& self) { return self.view.levels; }, "Number of levels.")
+      .def_prop_ro("rows", [](const ProblemObject& self) { return self.view.rows; }, "Rows of all levels, M.")
+      .def_prop_ro("hard_rows", [](const ProblemObject& self) { return self.view.hard_rows; }, "How many rows are hard.")
+      .def_ro("is_equality", &ProblemObject::is_equality, "Whether every row of every level is an equality.")
+      .def_ro("names", &ProblemObject::names, "One name for each level.")
+      .def_ro("given", &ProblemObject::matrix, "The matrix as it was given, with hard rows on top where `on_top`.")
+      .def_ro("given_lower", &ProblemObject::lower)
+      .def_ro("given_upper", &ProblemObject::upper)
+      .def_ro("given_offsets", &ProblemObject::offsets)
+      .def_ro("given_hard", &ProblemObject::hard, "The hard rows that were given apart, or None.")
+      .def_ro("on_top", &ProblemObject::on_top, "Whether hard rows stand on top of the levels' rows in `given`.")
+      .def_rw("kept", &ProblemObject::kept, nb::for_setter(nb::arg("value").none()), "What Python made of it once.");
+
+  nb::class_<SolutionObject>(module, "Solution", "The native half of `hqp_rp.Solution`.")
+      .def("__init__",
+           [](SolutionObject* self, nb::object problem, nb::object x, nb::object status, std::int64_t iterations, nb::object message,
+              nb::object secondary) {
+             new (self) SolutionObject{std::move(problem), std::move(x), std::move(status), std::move(message), std::move(secondary),
+                                       nb::none(), nb::none(), iterations};
+           },
+           nb::arg("problem"), nb::arg("x").none(), nb::arg("status"), nb::arg("iterations") = 0, nb::arg("message") = "",
+           nb::arg("secondary") = nb::none())
+      .def_rw("problem", &SolutionObject::problem)
+      .def_rw("x", &SolutionObject::x, nb::for_setter(nb::arg("value").none()))
+      .def_rw("status", &SolutionObject::status)
+      .def_rw("iterations", &SolutionObject::iterations)
+      .def_rw("message", &SolutionObject::message)
+      .def_rw("secondary", &SolutionObject::secondary, nb::for_setter(nb::arg("value").none()))
+      .def_rw("held", &SolutionObject::held, nb::for_setter(nb::arg("value").none()))
+      .def_rw("kept", &SolutionObject::kept, nb::for_setter(nb::arg("value").none()));
+
+  module.def(
+      "register_solution",
+      [](nb::object solution, nb::tuple statuses) {
+        if (statuses.size() != 6) throw nb::value_error("Status has six members.");
+        registered.solution = solution.release().ptr();
+        for (int i = 0; i < 6; ++i) registered.status[i] = nb::object(statuses[i]).release().ptr();
+        registered.no_message = nb::str("").release().ptr();
+      },
+      nb::arg("solution"), nb::arg("statuses"), "Say which class solvers return, and the members of `Status` in their order.");
+  module.def("instruction_set", [] { return kernels().instruction_set; }, "For which instruction set the kernels in use were compiled.");
+  module.def("workspace_allocations", [] { return thread_workspace().allocations(); },
+             "How many blocks of memory this thread's workspace has allocated so far.");
+}
+
+}  // namespace hqp::python

@@ -1,0 +1,119 @@
+// Least squares with the factor of a level: its triangle, its tall part, or its singular values where they decide.
+#pragma once
+
+#include "hqp_rp/lq.hpp"
+#include "hqp_rp/svd.hpp"
+
+namespace hqp {
+inline namespace HQP_ISA {
+
+// min ||C y - t|| for C (m, r) of full column rank, m >= r, given by T = C^T (r, padded m), overwritten; right (padded m,) holds t
+// padded with zeros. y (r,) is written.
+//
+// QR with column pivoting is the row-pivoted LQ of the transpose; with rows sorted by falling size it is stable row by row (Cox and
+// Higham 1998): rows of very different weight do not swamp each other.
+inline void tall_least_squares(Matrix T, int r, int m, double* right, double* y, Workspace& workspace) {
+  Workspace::Scope scope(workspace);
+  double* order = workspace.numbers(r);
+  double* lengths = workspace.numbers(2 * r);
+  Matrix V = make_matrix(workspace, r, m);
+  for (int j = 0; j < r; ++j) order[j] = j;
+  const int steps = lq(T, 0, r, 0, m, order, 0.0, V, lengths, T.stride);
+  for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
+  for (int j = r - 1; j >= 0; --j) {
+    double s = j < steps ? right[j] : 0.0;
+    for (int i = j + 1; i < steps; ++i) s -= T[i][j] * right[i];
+    right[j] = j < steps ? s / T[j][j] : 0.0;
+  }
+  for (int j = 0; j < r; ++j) y[static_cast<int>(order[j])] = right[j];
+}
+
+// t[:r] <- the y of min ||L y - t|| for the factor L (m, r) that `lq` left in rows r0 ... r0 + m - 1, of full column rank.
+inline void level_least_squares(Matrix A, int r0, int m, int c0, int r, double* t, Workspace& workspace) {
+  if (r == m) {
+    for (int i = 0; i < r; ++i) {
+      const double* row = A[r0 + i] + c0;
+      double s = t[i];
+      for (int l = 0; l < i; ++l) s -= row[l] * t[l];
+      t[i] = s / row[i];
+    }
+    return;
+  }
+  if (r == 1) {
+    double square = 0.0, product = 0.0;
+    for (int i = 0; i < m; ++i) {
+      const double a = A[r0 + i][c0];
+      square += a * a;
+      product += a * t[i];
+    }
+    t[0] = product / square;
+    return;
+  }
+  Workspace::Scope scope(workspace);
+  Matrix T = make_matrix(workspace, r, m);
+  double* right = workspace.numbers(T.stride);
+  double* y = workspace.numbers(r);
+  for (int i = 0; i < T.stride; ++i) right[i] = i < m ? t[i] : 0.0;
+  for (int j = 0; j < r; ++j)
+    for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < m ? A[r0 + i][c0 + j] : 0.0;
+  tall_least_squares(T, r, m, right, y, workspace);
+  for (int j = 0; j < r; ++j) t[j] = y[j];
+}
+
+// Coordinates that a level's singular vectors took: columns c0 ... c0 + r - 1 times V, V[j] the j-th right singular vector.
+struct Turn {
+  Matrix V;
+  int r = 0;
+  int c0 = 0;
+
+  // y <- V^T y, from the coordinates of the triangle to those of the singular vectors; `work` (r,).
+  void forward(double* y, double* work) const {
+    for (int j = 0; j < r; ++j) {
+      double s = 0.0;
+      for (int i = 0; i < r; ++i) s += V[j][i] * y[c0 + i];
+      work[j] = s;
+    }
+    for (int j = 0; j < r; ++j) y[c0 + j] = work[j];
+  }
+  // y <- V y.
+  void back(double* y, double* work) const {
+    for (int i = 0; i < r; ++i) work[i] = 0.0;
+    for (int j = 0; j < r; ++j)
+      for (int i = 0; i < r; ++i) work[i] += V[j][i] * y[c0 + j];
+    for (int i = 0; i < r; ++i) y[c0 + i] = work[i];
+  }
+};
+
+struct Decided {
+  int rank;
+  double smallest;  // singular value that counts; 0 where one was cut
+};
+
+// What singular values decide where the triangle proves nothing: the rank by the library's rule and the level's damped answer.
+//
+// Rows r0 ... r0 + m - 1 of A hold L, as `lq` left it; singular values <= zero do not count. turn.V (r, r) <- right singular vectors;
+// answer (r,) <- f(S) U^T t, in their coordinates, f the policy's; t (m,).
+inline Decided decide_level(Matrix A, int r0, int m, int c0, int r, int free, double zero, const double* t, const Damping& damping,
+                            Turn& turn, double* answer, Workspace& workspace) {
+  Workspace::Scope scope(workspace);
+  Matrix T = make_matrix(workspace, r, m);
+  double* sigma = workspace.numbers(r);
+  for (int j = 0; j < r; ++j)
+    for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < m ? A[r0 + i][c0 + j] : 0.0;
+  orthogonalize_rows(T, r, turn.V, sigma, T.stride);
+  turn.r = r;
+  turn.c0 = c0;
+  int rank = 0;
+  while (rank < r && sigma[rank] > zero) ++rank;
+  const double last = r == std::min(m, free) ? sigma[r - 1] : 0.0;
+  for (int j = 0; j < r; ++j) answer[j] = 0.0;
+  for (int j = 0; j < rank; ++j) {
+    double s = 0.0;
+    for (int i = 0; i < m; ++i) s += T[j][i] * t[i];
+    answer[j] = s / sigma[j] * damped_inverse(sigma[j], last, 0.0, damping);
+  }
+  return {rank, rank == r ? sigma[r - 1] : 0.0};
+}
+
+}  // namespace HQP_ISA
+}  // namespace hqp

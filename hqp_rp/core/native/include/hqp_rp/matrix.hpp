@@ -1,0 +1,98 @@
+// Views of matrices whose rows are padded with zeros to whole lanes, and what is done to their rows.
+#pragma once
+
+#include "hqp_rp/lane.hpp"
+#include "hqp_rp/workspace.hpp"
+
+namespace hqp {
+inline namespace HQP_ISA {
+
+// Columns of a padded row.
+constexpr int padded(int n) { return (n + lanes - 1) / lanes * lanes; }
+
+// A row-major matrix whose rows begin on a cache line.
+struct Matrix {
+  double* data = nullptr;
+  int stride = 0;
+  HQP_INLINE double* operator[](int i) const { return data + static_cast<std::ptrdiff_t>(i) * stride; }
+  HQP_INLINE Matrix below(int rows) const { return {(*this)[rows], stride}; }
+};
+
+HQP_INLINE Matrix make_matrix(Workspace& workspace, int rows, int columns) {
+  const int stride = padded(columns);
+  return {workspace.numbers(static_cast<std::size_t>(rows) * stride), stride};
+}
+
+// The loops below run over lanes `first / 8` to `width / 8`; a `Width` that is known when compiled (8, 16) unrolls them.
+template <int Columns>
+struct Width {
+  HQP_INLINE constexpr operator int() const { return Columns; }
+};
+
+template <class W>
+HQP_INLINE void fill(double* HQP_RESTRICT a, double value, W width) {
+  const Lane v = Lane::all(value);
+  for (int j = 0; j < width; j += lanes) v.store(a + j);
+}
+
+template <class W>
+HQP_INLINE void copy(double* HQP_RESTRICT to, const double* HQP_RESTRICT from, W width) {
+  for (int j = 0; j < width; j += lanes) Lane::load(from + j).store(to + j);
+}
+
+// a . b from the lane that holds column `first` on.
+template <class W>
+HQP_INLINE double dot(const double* a, const double* b, int first, W width) {
+  int j = first / lanes * lanes;
+  Lane s = Lane::load(a + j) * Lane::load(b + j);
+  for (j += lanes; j < width; j += lanes) s = s + Lane::load(a + j) * Lane::load(b + j);
+  return s.sum();
+}
+
+// ||a[first:]||^2.
+template <class W>
+HQP_INLINE double square_from(const double* a, int first, W width) {
+  int j = first / lanes * lanes;
+  if (j >= width) return 0.0;
+  Lane v = Lane::load(a + j) * ones_from(first);
+  Lane s = v * v;
+  for (j += lanes; j < width; j += lanes) {
+    v = Lane::load(a + j);
+    s = s + v * v;
+  }
+  return s.sum();
+}
+
+// a[first:] <- 0.
+template <class W>
+HQP_INLINE void clear_from(double* a, int first, W width) {
+  int j = first / lanes * lanes;
+  if (j >= width) return;
+  (Lane::load(a + j) * (Lane::all(1.0) - ones_from(first))).store(a + j);
+  for (j += lanes; j < width; j += lanes) Lane::all(0.0).store(a + j);
+}
+
+// a += factor b from the lane that holds column `first` on.
+template <class W>
+HQP_INLINE void add_multiple(double* a, const double* b, double factor, int first, W width) {
+  const Lane f = Lane::all(factor);
+  for (int j = first / lanes * lanes; j < width; j += lanes) (Lane::load(a + j) + f * Lane::load(b + j)).store(a + j);
+}
+
+template <class W>
+HQP_INLINE void swap_rows(double* a, double* b, W width) {
+  for (int j = 0; j < width; j += lanes) {
+    const Lane v = Lane::load(a + j);
+    Lane::load(b + j).store(a + j);
+    v.store(b + j);
+  }
+}
+
+HQP_INLINE bool finite(const double* x, int n) {
+  double total = 0.0;
+  for (int j = 0; j < n; ++j) total += 0.0 * x[j];
+  return total == 0.0;
+}
+
+}  // namespace HQP_ISA
+}  // namespace hqp

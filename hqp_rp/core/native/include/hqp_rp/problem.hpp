@@ -1,0 +1,28 @@
+// A prioritized problem as views of arrays that somebody else keeps: levels of rows lower <= A x <= upper, stacked, most
+// important first, and hard rows that no answer may violate.
+#pragma once
+
+#include <cstdint>
+
+namespace hqp {
+
+// Row-major, contiguous, in double precision. `offsets` has levels + 1 entries: level k holds rows offsets[k] ... offsets[k + 1] - 1.
+// A level's row is an equality where its bounds coincide; an infinite bound is none.
+struct Problem {
+  const double* matrix = nullptr;  // (rows, unknowns)
+  const double* lower = nullptr;   // (rows,)
+  const double* upper = nullptr;   // (rows,)
+  const std::int64_t* offsets = nullptr;
+  int rows = 0;
+  int unknowns = 0;
+  int levels = 0;
+  const double* hard_matrix = nullptr;  // (hard_rows, unknowns)
+  const double* hard_lower = nullptr;
+  const double* hard_upper = nullptr;
+  int hard_rows = 0;
+};
+
+// How a solve ended; the numbers are the positions in hqp_rp.Status.
+enum class Outcome : int { solved = 0, inaccurate = 1, iteration_limit = 2, infeasible = 3, not_finite = 4, refused = 5 };
+
+}  // namespace hqp

@@ -1,0 +1,33 @@
+#include "hqp_rp/workspace.hpp"
+
+#include <algorithm>
+#include <new>
+
+namespace hqp {
+
+namespace {
+constexpr std::align_val_t line{64};
+constexpr std::size_t smallest_block = 32768;
+}  // namespace
+
+void* Workspace::take_elsewhere(std::size_t bytes) {
+  while (++current_ < count_) {
+    if (blocks_[current_].size >= bytes) {
+      used_ = bytes;
+      return blocks_[current_].data;
+    }
+  }
+  std::size_t total = 0;
+  for (int i = 0; i < count_; ++i) total += blocks_[i].size;
+  const std::size_t size = std::max({2 * bytes, 2 * total, smallest_block});
+  blocks_[count_] = {static_cast<unsigned char*>(::operator new(size, line)), size};
+  current_ = count_++;
+  used_ = bytes;
+  return blocks_[current_].data;
+}
+
+Workspace::~Workspace() {
+  for (int i = 0; i < count_; ++i) ::operator delete(blocks_[i].data, line);
+}
+
+}  // namespace hqp
