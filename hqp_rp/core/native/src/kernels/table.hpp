@@ -1,0 +1,21 @@
+// The functions that fill `Kernels`, one file for each family; all are compiled once for each instruction set, HQP_ISA.
+#pragma once
+
+#include "hqp_rp/kernels.hpp"
+#include "hqp_rp/matrix.hpp"
+
+namespace hqp {
+inline namespace HQP_ISA {
+
+Outcome call_null_space(const Problem&, const double*, double, const Damping&, double*, Workspace&);
+
+// Calls with a width known to the compiler where rows fit one or two lanes.
+template <class Function>
+HQP_INLINE auto with_width(int n, Function function) {
+  if (n <= lanes) return function(Width<lanes>{});
+  if (n <= 2 * lanes) return function(Width<2 * lanes>{});
+  return function(padded(n));
+}
+
+}  // namespace HQP_ISA
+}  // namespace hqp
