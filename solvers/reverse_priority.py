@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar, Literal
 
+from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm, Kernel
 from hqp_rp.core.errors import unknown_name
 
@@ -46,6 +47,11 @@ class ReversePriority(ClosedForm):
             raise unknown_name("form of reverse_priority", self.form, FORMS)
         if self.damp not in PLACES:
             raise unknown_name("place to damp in reverse_priority", self.damp, PLACES)
+
+    def native(self) -> _native.ClosedForm | None:
+        if self.form == "projector" or (self.damp == "everywhere" and self.damping.kind != 0):
+            return None
+        return _native.reverse_priority(self.rank_tolerance, self.damping.kind, *self.damping.parameters)
 
     def kernel(self) -> Kernel:
         from hqp_rp.core.kernels import reverse

@@ -36,6 +36,12 @@ void bind_closed_forms(nb::module_& module) {
       .def("solve", &ClosedForm::solve, nb::arg("problem"), nb::arg("secondary").none(),
            "Its Solution; None for a problem with hard or two-sided rows. secondary: (n,) float64, or None.");
   module.def(
+      "reverse_priority",
+      [](double rank_tolerance, int kind, double first, double second) {
+        return ClosedForm{kernels().reverse_priority, rank_tolerance, {kind, first, second}};
+      },
+      nb::arg("rank_tolerance"), nb::arg("kind"), nb::arg("first"), nb::arg("second"), "Reverse priority (23)-(29), damped in T_k.");
+  module.def(
       "null_space",
       [](double rank_tolerance, int kind, double first, double second) {
         return ClosedForm{kernels().null_space, rank_tolerance, {kind, first, second}};

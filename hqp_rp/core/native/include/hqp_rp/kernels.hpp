@@ -10,6 +10,7 @@ namespace hqp {
 struct Kernels {
   const char* instruction_set;
   Outcome (*null_space)(const Problem&, const double* z, double rank_tolerance, const Damping&, double* x, Workspace&);
+  Outcome (*reverse_priority)(const Problem&, const double* z, double rank_tolerance, const Damping&, double* x, Workspace&);
 };
 
 // The kernels for this processor. HQP_RP_ISA=baseline, v3 or v4 in the environment asks for others; one that cannot run is ignored.

@@ -10,6 +10,7 @@ extern const Kernels table;
 const Kernels table{
     .instruction_set = HQP_TEXT(HQP_ISA),
     .null_space = call_null_space,
+    .reverse_priority = call_reverse_priority,
 };
 
 }  // namespace HQP_ISA

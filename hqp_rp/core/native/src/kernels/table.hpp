@@ -8,6 +8,7 @@ namespace hqp {
 inline namespace HQP_ISA {
 
 Outcome call_null_space(const Problem&, const double*, double, const Damping&, double*, Workspace&);
+Outcome call_reverse_priority(const Problem&, const double*, double, const Damping&, double*, Workspace&);
 
 // Calls with a width known to the compiler where rows fit one or two lanes.
 template <class Function>
