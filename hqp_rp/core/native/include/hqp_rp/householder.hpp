@@ -18,6 +18,7 @@ HQP_INLINE double make_reflector(const double* a, int column, double norm, doubl
   const Lane s = Lane::all(scale);
   int j = column / lanes * lanes;
   (Lane::load(a + j) * ones_from(column) * s).store(v + j);
+  if (j > 0) Lane::all(0.0).store(v + j - lanes);  // reflectors of neighbouring columns are applied together
   for (j += lanes; j < width; j += lanes) (Lane::load(a + j) * s).store(v + j);
   v[column] = (alpha - beta) * scale;
   return beta;
@@ -61,14 +62,61 @@ HQP_INLINE void reflect_rows(Matrix A, int i0, int i1, const double* v, int colu
   for (; i < i1; ++i) reflect(A[i], v, column, width);
 }
 
-// The same for `count` reflectors, row t of V from column c0 + t: a row meets all of them before the next is fetched.
+// Rows a and b <- themselves times H_1 H_2 H_3 H_4, v1 ... v4 from neighbouring columns, the first of them `column`;
+// g: their products v_i . v_j. Source: Bischof and Van Loan 1987, with the small triangle applied to each row's products.
+template <class W>
+HQP_INLINE void reflect_two_by_four(double* a, double* b, const double* v1, const double* v2, const double* v3, const double* v4,
+                                    const double* g, int column, W width) {
+  const int first = column / lanes * lanes;
+  Lane s[8];
+  for (int i = 0; i < 8; ++i) s[i] = Lane::all(0.0);
+  for (int j = first; j < width; j += lanes) {
+    const Lane x = Lane::load(a + j), y = Lane::load(b + j);
+    Lane v = Lane::load(v1 + j);
+    s[0] = s[0] + x * v, s[4] = s[4] + y * v;
+    v = Lane::load(v2 + j);
+    s[1] = s[1] + x * v, s[5] = s[5] + y * v;
+    v = Lane::load(v3 + j);
+    s[2] = s[2] + x * v, s[6] = s[6] + y * v;
+    v = Lane::load(v4 + j);
+    s[3] = s[3] + x * v, s[7] = s[7] + y * v;
+  }
+  double product[8];
+  sums(s, product);
+  const double a1 = product[0], b1 = product[4];
+  const double a2 = product[1] - g[0] * a1, b2 = product[5] - g[0] * b1;
+  const double a3 = product[2] - g[1] * a1 - g[3] * a2, b3 = product[6] - g[1] * b1 - g[3] * b2;
+  const double a4 = product[3] - g[2] * a1 - g[4] * a2 - g[5] * a3, b4 = product[7] - g[2] * b1 - g[4] * b2 - g[5] * b3;
+  const Lane fa1 = Lane::all(a1), fa2 = Lane::all(a2), fa3 = Lane::all(a3), fa4 = Lane::all(a4);
+  const Lane fb1 = Lane::all(b1), fb2 = Lane::all(b2), fb3 = Lane::all(b3), fb4 = Lane::all(b4);
+  for (int j = first; j < width; j += lanes) {
+    const Lane p = Lane::load(v1 + j), q = Lane::load(v2 + j), r = Lane::load(v3 + j), u = Lane::load(v4 + j);
+    (Lane::load(a + j) - fa1 * p - fa2 * q - fa3 * r - fa4 * u).store(a + j);
+    (Lane::load(b + j) - fb1 * p - fb2 * q - fb3 * r - fb4 * u).store(b + j);
+  }
+}
+
+// Rows i0 ... i1 - 1 of A <- A H_1 H_2 ... for `count` reflectors, row t of V from column c0 + t. Wide rows meet four at a time.
 template <class W>
 HQP_INLINE void reflect_rows_by_all(Matrix A, int i0, int i1, Matrix V, int count, int c0, W width) {
+  int t = 0;
+  if (width > 2 * lanes && i1 - i0 > 1) {
+    for (; t + 4 <= count; t += 4) {
+      const double *v1 = V[t], *v2 = V[t + 1], *v3 = V[t + 2], *v4 = V[t + 3];
+      const int c = c0 + t;
+      const double g[6] = {dot(v1, v2, c + 1, width), dot(v1, v3, c + 2, width), dot(v1, v4, c + 3, width),
+                           dot(v2, v3, c + 2, width), dot(v2, v4, c + 3, width), dot(v3, v4, c + 3, width)};
+      int i = i0;
+      for (; i + 2 <= i1; i += 2) reflect_two_by_four(A[i], A[i + 1], v1, v2, v3, v4, g, c, width);
+      for (; i < i1; ++i)
+        for (int l = t; l < t + 4; ++l) reflect(A[i], V[l], c0 + l, width);
+    }
+  }
   int i = i0;
   for (; i + 4 <= i1; i += 4)
-    for (int t = 0; t < count; ++t) reflect_four(A[i], A[i + 1], A[i + 2], A[i + 3], V[t], c0 + t, width);
+    for (int l = t; l < count; ++l) reflect_four(A[i], A[i + 1], A[i + 2], A[i + 3], V[l], c0 + l, width);
   for (; i < i1; ++i)
-    for (int t = 0; t < count; ++t) reflect(A[i], V[t], c0 + t, width);
+    for (int l = t; l < count; ++l) reflect(A[i], V[l], c0 + l, width);
 }
 
 }  // namespace HQP_ISA
