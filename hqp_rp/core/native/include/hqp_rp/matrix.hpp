@@ -80,6 +80,12 @@ HQP_INLINE void add_multiple(double* a, const double* b, double factor, int firs
 }
 
 template <class W>
+HQP_INLINE void scale_row(double* a, double factor, W width) {
+  const Lane f = Lane::all(factor);
+  for (int j = 0; j < width; j += lanes) (Lane::load(a + j) * f).store(a + j);
+}
+
+template <class W>
 HQP_INLINE void swap_rows(double* a, double* b, W width) {
   for (int j = 0; j < width; j += lanes) {
     const Lane v = Lane::load(a + j);

@@ -183,6 +183,122 @@ inline void reverse_step(Matrix R, int m, int below, int n, const double* weight
   for (int j = r - 1; j >= 0; --j) reflect(y, V[j], j, width);
 }
 
+// Whether the leading n rows have nothing behind their diagonal.
+template <class W>
+HQP_INLINE bool is_lower_triangle(Matrix A, int n, W width) {
+  for (int i = 0; i + 1 < n; ++i)
+    if (square_from(A[i], i + 1, width) != 0.0) return false;
+  return true;
+}
+
+// min ||L d|| over J d = t while L (n, n), lower triangular with L^T L = B^T B, is well conditioned: d = L^-1 (J L^-1)^# t.
+struct Triangular {
+  Matrix L;
+  double inverse = 0.0;  // a bound on ||L^-1||_F
+  double norm = 0.0;     // ||L||_F
+
+  // Whether L serves: it then has full rank by far. `work` (n, n) <- L^-1.
+  template <class W>
+  bool prepare(int n, Matrix work, W width) {
+    double square = 0.0, inverse_square = 0.0;
+    for (int i = 0; i < n; ++i) {
+      double* row = work[i];
+      const double* l = L[i];
+      if (!(std::fabs(l[i]) > 0.0)) return false;
+      const double pivot = 1.0 / l[i];
+      fill(row, 0.0, width);
+      for (int j = 0; j < i; ++j) add_multiple(row, work[j], -l[j] * pivot, 0, width);
+      row[i] = pivot;
+      square += square_from(l, 0, width);
+      inverse_square += square_from(row, 0, width);
+    }
+    norm = std::sqrt(square);
+    inverse = std::sqrt(inverse_square);
+    return norm * inverse < tolerance::well_conditioned;
+  }
+
+  // y += d for the rows J (m, n), overwritten by J L^-1; t (m,) what they miss at y. False where their rank is not proven.
+  template <class W>
+  bool step(Matrix J, int m, int n, const double* rhs, Matrix rows, double tol, double* y, Workspace& workspace, W width) const {
+    Workspace::Scope scope(workspace);
+    Matrix V = make_matrix(workspace, m, n);
+    double* order = workspace.numbers(m);
+    double* lengths = workspace.numbers(2 * m + n);
+    double* u = workspace.numbers(width);
+    double* t = workspace.numbers(m);
+    const double J_norm = frobenius(J, 0, m, width);
+    for (int i = 0; i < m; ++i) order[i] = i;
+    for (int j = n - 1; j >= 0; --j) {
+      const double pivot = 1.0 / L[j][j];
+      for (int i = 0; i < m; ++i) {
+        const double c = J[i][j] * pivot;
+        if (j) add_multiple(J[i], L[j], -c, 0, width);
+        J[i][j] = c;
+      }
+    }
+    // sigma_min(J) >= sigma_min(J L^-1) / ||L^-1||: the rank of J follows from the triangle of J L^-1.
+    const Factored f = factor_level(J, 0, m, 0, n, order, J_norm * inverse, tol, V, lengths, width);
+    if (f.reflectors < m || !f.proven) return false;
+    for (int pass = 0; pass < 3; ++pass) {
+      for (int i = 0; i < m; ++i) {
+        const int row = static_cast<int>(order[i]);
+        t[i] = rhs[row] - dot(rows[row], y, 0, width);
+      }
+      fill(u, 0.0, width);
+      for (int i = 0; i < m; ++i) {
+        double v = t[i];
+        for (int l = 0; l < i; ++l) v -= J[i][l] * u[l];
+        u[i] = v / J[i][i];
+      }
+      for (int j = m - 1; j >= 0; --j) reflect(u, V[j], j, width);
+      double before = 0.0, after = 0.0;
+      for (int i = 0; i < n; ++i) {
+        double v = u[i];
+        const double* l = L[i];
+        for (int j = 0; j < i; ++j) v -= l[j] * u[j];
+        u[i] = v / l[i];
+        before = std::max(before, std::fabs(y[i]));
+        y[i] += u[i];
+        after = std::max(after, std::fabs(y[i]));
+      }
+      // L^-1 costs digits that a second pass on what J still misses brings back.
+      const bool again = before > tolerance::cancellation * after || norm * inverse > tolerance::exact_enough;
+      if (!again || pass == 1) break;
+    }
+    return true;
+  }
+
+  // L <- the triangle of [L; rows (m, n)], rows overwritten: they are among what must not be disturbed from now on.
+  // Source: Golub and Van Loan 2013, 6.5.3, from the last column to the first.
+  template <class W>
+  void append(Matrix rows, int m, int n, double* sum, W width) {
+    double square = norm * norm;
+    for (int i = 0; i < m; ++i) square += square_from(rows[i], 0, width);
+    norm = std::sqrt(square);
+    for (int j = n - 1; j >= 0; --j) {
+      double s = 0.0;
+      for (int i = 0; i < m; ++i) s += rows[i][j] * rows[i][j];
+      if (s == 0.0) continue;
+      const double alpha = L[j][j];
+      const double length = std::sqrt(alpha * alpha + s);
+      const double beta = alpha >= 0.0 ? -length : length;
+      const double head = alpha - beta;                // the reflector's first entry; the others are rows[i][j]
+      const double factor = -1.0 / (beta * head);      // 2 / ||v||^2
+      for (int l = 0; l <= j; l += lanes) (Lane::all(head) * Lane::load(L[j] + l)).store(sum + l);
+      for (int i = 0; i < m; ++i)
+        for (int l = 0; l <= j; l += lanes) (Lane::load(sum + l) + Lane::all(rows[i][j]) * Lane::load(rows[i] + l)).store(sum + l);
+      for (int i = 0; i < m; ++i) {
+        const Lane v = Lane::all(rows[i][j] * factor);
+        for (int l = 0; l <= j; l += lanes) (Lane::load(rows[i] + l) - v * Lane::load(sum + l)).store(rows[i] + l);
+      }
+      const Lane v = Lane::all(head * factor);
+      for (int l = 0; l <= j; l += lanes) (Lane::load(L[j] + l) - v * Lane::load(sum + l)).store(L[j] + l);
+      L[j][j] = beta;
+      clear_from(L[j], j + 1, width);
+    }
+  }
+};
+
 // x (unknowns,) <- x + T_k (J_k T_k)^# (b_k - J_k x) for k = p, ..., 1, from x = z (null means 0): (29).
 //
 // Damping acts on the pseudo-inverse that gives T_k alone. Where a step cancels most of what lower levels had put into x, its residual
@@ -197,7 +313,7 @@ inline Outcome reverse_priority(const Problem& problem, const double* z, double 
   Matrix V = make_matrix(workspace, M, n);
   double* t = workspace.numbers(M);
   double* rhs = workspace.numbers(M);
-  double* lengths = workspace.numbers(2 * M + n);
+  double* lengths = workspace.numbers(2 * M + padded(n));
   double* current = workspace.numbers(width);
   double* y = workspace.numbers(width);
   double* scale = workspace.numbers(p);
@@ -212,11 +328,7 @@ inline Outcome reverse_priority(const Problem& problem, const double* z, double 
       std::frexp(loaded.norm, &exponent);
       const double more = std::ldexp(1.0, 1 - exponent);
       scale[k] *= more;
-      if (more != 1.0) {
-        const Lane factor = Lane::all(more);
-        for (int i = r0; i < r0 + m; ++i)
-          for (int j = 0; j < width; j += lanes) (Lane::load(A[i] + j) * factor).store(A[i] + j);
-      }
+      for (int i = r0; i < r0 + m && more != 1.0; ++i) scale_row(A[i], more, width);
     }
     for (int i = r0; i < r0 + m; ++i) {
       rhs[i] = problem.lower[i] * scale[k];
@@ -233,26 +345,64 @@ inline Outcome reverse_priority(const Problem& problem, const double* z, double 
   if (damping.kind == Damping::none) {  // the cascade in reverse order, as far as levels are independent
     Matrix L = make_matrix(workspace, M, n);
     fill(y, 0.0, width);
+    bool turned = false;
     for (; k >= 0; --k) {
       const int r0 = static_cast<int>(offsets[k]), m = static_cast<int>(offsets[k + 1]) - r0;
       if (m == 0) continue;
       if (m > n - c0) break;
+      Matrix rows = L.below(c0);
       for (int i = 0; i < m; ++i) {
-        copy(L[i], A[r0 + i], width);
+        copy(rows[i], A[r0 + i], width);
         t[i] = rhs[r0 + i];
         if (z) t[i] -= dot(A[r0 + i], current, 0, width);
       }
-      const double norm = frobenius(L, 0, m, width);
-      reflect_rows_by_all(L, 0, m, V, c0, 0, width);
+      const double norm = frobenius(rows, 0, m, width);
+      if (c0 == 0 && m == n && is_lower_triangle(rows, n, width)) {  // a posture: nothing to turn
+        if (!(tol * norm * inverse_norm(rows, 0, 0, n, lengths) < 1.0)) break;
+        level_least_squares(rows, 0, n, 0, n, t, workspace);
+        for (int j = 0; j < n; ++j) y[j] = t[j];
+        c0 = n;
+        continue;
+      }
+      reflect_rows_by_all(rows, 0, m, V, c0, 0, width);
       if (c0)
-        for (int i = 0; i < m; ++i) t[i] -= dot(L[i], y, 0, width);
-      const Factored f = factor_level(L, 0, m, c0, n, t, norm, tol, V.below(c0), lengths, width);
+        for (int i = 0; i < m; ++i) t[i] -= dot(rows[i], y, 0, width);
+      const Factored f = factor_level(rows, 0, m, c0, n, t, norm, tol, V.below(c0), lengths, width);
       if (f.reflectors < m || !f.proven) break;
-      level_least_squares(L, 0, m, c0, m, t, workspace);
+      level_least_squares(rows, 0, m, c0, m, t, workspace);
       for (int j = 0; j < m; ++j) y[c0 + j] = t[j];
       c0 += m;
+      turned = true;
     }
-    for (int j = c0 - 1; j >= 0; --j) reflect(y, V[j], j, width);
+    if (c0 == n && k >= 0) {  // lower levels determine all that higher ones may disturb
+      Triangular lower{L};
+      double unit = std::numeric_limits<double>::infinity();  // rows weigh as they were given
+      for (int i = 0; i < p; ++i) unit = std::min(unit, scale[i]);
+      for (int i = p - 1, row = 0; i > k; --i)
+        for (std::int64_t end = row + offsets[i + 1] - offsets[i]; row < end; ++row) scale_row(L[row], unit / scale[i], width);
+      Matrix rows = make_matrix(workspace, M, n);
+      Matrix J = make_matrix(workspace, std::max(M, n), n);
+      bool serves = lower.prepare(n, J, width);
+      for (; serves && k >= 0; --k) {
+        const int r0 = static_cast<int>(offsets[k]), m = static_cast<int>(offsets[k + 1]) - r0;
+        if (m == 0) continue;
+        if (m > n) break;
+        for (int i = 0; i < m; ++i) {
+          copy(rows[i], A[r0 + i], width);
+          t[i] = rhs[r0 + i];
+          if (z) t[i] -= dot(A[r0 + i], current, 0, width);
+        }
+        if (turned) reflect_rows_by_all(rows, 0, m, V, n, 0, width);
+        for (int i = 0; i < m; ++i) copy(J[i], rows[i], width);
+        if (!lower.step(J, m, n, t, rows, tol, y, workspace, width)) break;
+        if (k == 0) continue;
+        for (int i = 0; i < m; ++i) scale_row(rows[i], unit / scale[k], width);
+        lower.append(rows, m, n, lengths, width);
+        serves = lower.norm * lower.inverse < tolerance::well_conditioned;
+      }
+    }
+    if (turned)
+      for (int j = c0 - 1; j >= 0; --j) reflect(y, V[j], j, width);
     for (int j = 0; j < width; j += lanes) (Lane::load(current + j) + Lane::load(y + j)).store(current + j);
   }
 
