@@ -30,27 +30,33 @@ HQP_INLINE void reflect(double* a, const double* v, int column, W width) {
   add_multiple(a, v, -dot(a, v, column, width), column, width);
 }
 
-// The same for four rows at once, whose loads of v and additions overlap.
-template <class W>
-HQP_INLINE void reflect_four(double* a, double* b, double* c, double* d, const double* v, int column, W width) {
+// The same for Rows rows of A from row i on, at once: their loads of v and additions overlap.
+template <int Rows, class W>
+HQP_INLINE void reflect_together(Matrix A, int i, const double* v, int column, W width) {
   const int first = column / lanes * lanes;
+  Lane s[Rows];
   Lane w = Lane::load(v + first);
-  Lane sa = Lane::load(a + first) * w, sb = Lane::load(b + first) * w;
-  Lane sc = Lane::load(c + first) * w, sd = Lane::load(d + first) * w;
+  for (int r = 0; r < Rows; ++r) s[r] = Lane::load(A[i + r] + first) * w;
   for (int j = first + lanes; j < width; j += lanes) {
     w = Lane::load(v + j);
-    sa = sa + Lane::load(a + j) * w;
-    sb = sb + Lane::load(b + j) * w;
-    sc = sc + Lane::load(c + j) * w;
-    sd = sd + Lane::load(d + j) * w;
+    for (int r = 0; r < Rows; ++r) s[r] = s[r] + Lane::load(A[i + r] + j) * w;
   }
-  const Lane fa = Lane::all(sa.sum()), fb = Lane::all(sb.sum()), fc = Lane::all(sc.sum()), fd = Lane::all(sd.sum());
+  for (int r = 0; r < Rows; ++r) s[r] = Lane::all(s[r].sum());
   for (int j = first; j < width; j += lanes) {
     w = Lane::load(v + j);
-    (Lane::load(a + j) - fa * w).store(a + j);
-    (Lane::load(b + j) - fb * w).store(b + j);
-    (Lane::load(c + j) - fc * w).store(c + j);
-    (Lane::load(d + j) - fd * w).store(d + j);
+    for (int r = 0; r < Rows; ++r) (Lane::load(A[i + r] + j) - s[r] * w).store(A[i + r] + j);
+  }
+}
+
+// Rows i ... i1 - 1 (fewer than four) of A <- A H_1 H_2 ..., reflector l of V at column c0 + l, for l = t ... count - 1.
+template <class W>
+HQP_INLINE void reflect_rest(Matrix A, int i, int i1, Matrix V, int t, int count, int c0, W width) {
+  if (i1 - i == 3) {
+    for (int l = t; l < count; ++l) reflect_together<3>(A, i, V[l], c0 + l, width);
+  } else if (i1 - i == 2) {
+    for (int l = t; l < count; ++l) reflect_together<2>(A, i, V[l], c0 + l, width);
+  } else if (i < i1) {
+    for (int l = t; l < count; ++l) reflect(A[i], V[l], c0 + l, width);
   }
 }
 
@@ -58,8 +64,8 @@ HQP_INLINE void reflect_four(double* a, double* b, double* c, double* d, const d
 template <class W>
 HQP_INLINE void reflect_rows(Matrix A, int i0, int i1, const double* v, int column, W width) {
   int i = i0;
-  for (; i + 4 <= i1; i += 4) reflect_four(A[i], A[i + 1], A[i + 2], A[i + 3], v, column, width);
-  for (; i < i1; ++i) reflect(A[i], v, column, width);
+  for (; i + 4 <= i1; i += 4) reflect_together<4>(A, i, v, column, width);
+  reflect_rest(A, i, i1, Matrix{const_cast<double*>(v), 0}, 0, 1, column, width);
 }
 
 // Rows a and b <- themselves times H_1 H_2 H_3 H_4, v1 ... v4 from neighbouring columns, the first of them `column`;
@@ -114,9 +120,8 @@ HQP_INLINE void reflect_rows_by_all(Matrix A, int i0, int i1, Matrix V, int coun
   }
   int i = i0;
   for (; i + 4 <= i1; i += 4)
-    for (int l = t; l < count; ++l) reflect_four(A[i], A[i + 1], A[i + 2], A[i + 3], V[l], c0 + l, width);
-  for (; i < i1; ++i)
-    for (int l = t; l < count; ++l) reflect(A[i], V[l], c0 + l, width);
+    for (int l = t; l < count; ++l) reflect_together<4>(A, i, V[l], c0 + l, width);
+  reflect_rest(A, i, i1, V, t, count, c0, width);
 }
 
 }  // namespace HQP_ISA

@@ -94,6 +94,32 @@ HQP_INLINE void swap_rows(double* a, double* b, W width) {
   }
 }
 
+// Row r of C (rows, columns) <- sum_j A[r][j] B[j], for j < inner; C is not A or B.
+template <class W>
+HQP_INLINE void multiply(Matrix C, Matrix A, Matrix B, int rows, int inner, W width) {
+  constexpr int block = 4;  // lanes of two rows that stay in registers
+  for (int l0 = 0; l0 < width; l0 += block * lanes) {
+    const int wide = width - l0 < block * lanes ? (width - l0) / lanes : block;
+    for (int i = 0; i < rows; i += 2) {
+      const double *a = A[i], *b = A[i + 1 < rows ? i + 1 : i];
+      Lane s[2 * block];
+      for (int l = 0; l < 2 * block; ++l) s[l] = Lane::all(0.0);
+      for (int j = 0; j < inner; ++j) {
+        const Lane x = Lane::all(a[j]), y = Lane::all(b[j]);
+        const double* row = B[j] + l0;
+        for (int l = 0; l < block; ++l) {
+          if (l >= wide) break;
+          const Lane v = Lane::load(row + l * lanes);
+          s[l] = s[l] + x * v;
+          s[block + l] = s[block + l] + y * v;
+        }
+      }
+      for (int l = 0; l < wide; ++l) s[l].store(C[i] + l0 + l * lanes);
+      for (int l = 0; l < wide && i + 1 < rows; ++l) s[block + l].store(C[i + 1] + l0 + l * lanes);
+    }
+  }
+}
+
 HQP_INLINE bool finite(const double* x, int n) {
   double total = 0.0;
   for (int j = 0; j < n; ++j) total += 0.0 * x[j];

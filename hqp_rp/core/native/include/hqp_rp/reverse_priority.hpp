@@ -191,111 +191,96 @@ HQP_INLINE bool is_lower_triangle(Matrix A, int n, W width) {
   return true;
 }
 
-// min ||L d|| over J d = t while L (n, n), lower triangular with L^T L = B^T B, is well conditioned: d = L^-1 (J L^-1)^# t.
-struct Triangular {
-  Matrix L;
-  double inverse = 0.0;  // a bound on ||L^-1||_F
-  double norm = 0.0;     // ||L||_F
+// Lower rows B that determine everything and are well conditioned, as G (n, n) with (B^T B)^-1 = G G^T: the step of a level is then
+// d = G (J G)^# t, the least ||B d||, by one small factorization.
+struct LowerRows {
+  Matrix G;
+  double size = 0.0;  // a bound on ||G||_2
 
-  // Whether L serves: it then has full rank by far. `work` (n, n) <- L^-1.
+  // G <- L^-1 for the lower triangle L (n, n) of B; whether it is well conditioned.
   template <class W>
-  bool prepare(int n, Matrix work, W width) {
+  bool invert(Matrix L, int n, W width) {
     double square = 0.0, inverse_square = 0.0;
     for (int i = 0; i < n; ++i) {
-      double* row = work[i];
       const double* l = L[i];
       if (!(std::fabs(l[i]) > 0.0)) return false;
       const double pivot = 1.0 / l[i];
+      double* row = G[i];
       fill(row, 0.0, width);
-      for (int j = 0; j < i; ++j) add_multiple(row, work[j], -l[j] * pivot, 0, width);
       row[i] = pivot;
+      for (int j = 0; j < i; ++j) add_multiple(row, G[j], -l[j] * pivot, 0, width);
       square += square_from(l, 0, width);
       inverse_square += square_from(row, 0, width);
     }
-    norm = std::sqrt(square);
-    inverse = std::sqrt(inverse_square);
-    return norm * inverse < tolerance::well_conditioned;
+    size = std::sqrt(inverse_square);
+    return std::sqrt(square) * size < tolerance::well_conditioned;
   }
 
-  // y += d for the rows J (m, n), overwritten by J L^-1; t (m,) what they miss at y. False where their rank is not proven.
+  // y += d for the rows J (m, n), which at y shall be rhs (m,); V (m, n) and C (m, n) are written for `append`. False where the rank
+  // of J is not proven.
   template <class W>
-  bool step(Matrix J, int m, int n, const double* rhs, Matrix rows, double tol, double* y, Workspace& workspace, W width) const {
+  bool step(Matrix J, int m, int n, const double* rhs, double tol, double* y, Matrix C, Matrix V, Workspace& workspace, W width) const {
     Workspace::Scope scope(workspace);
-    Matrix V = make_matrix(workspace, m, n);
     double* order = workspace.numbers(m);
     double* lengths = workspace.numbers(2 * m + n);
     double* u = workspace.numbers(width);
-    double* t = workspace.numbers(m);
     const double J_norm = frobenius(J, 0, m, width);
     for (int i = 0; i < m; ++i) order[i] = i;
-    for (int j = n - 1; j >= 0; --j) {
-      const double pivot = 1.0 / L[j][j];
-      for (int i = 0; i < m; ++i) {
-        const double c = J[i][j] * pivot;
-        if (j) add_multiple(J[i], L[j], -c, 0, width);
-        J[i][j] = c;
-      }
-    }
-    // sigma_min(J) >= sigma_min(J L^-1) / ||L^-1||: the rank of J follows from the triangle of J L^-1.
-    const Factored f = factor_level(J, 0, m, 0, n, order, J_norm * inverse, tol, V, lengths, width);
+    multiply(C, J, G, m, n, width);
+    // sigma_min(J) >= sigma_min(J G) / ||G||: the rank of J follows from the triangle of J G.
+    const Factored f = factor_level(C, 0, m, 0, n, order, J_norm * size, tol, V, lengths, width);
     if (f.reflectors < m || !f.proven) return false;
     for (int pass = 0; pass < 3; ++pass) {
+      fill(u, 0.0, width);
+      double missed = 0.0;
       for (int i = 0; i < m; ++i) {
         const int row = static_cast<int>(order[i]);
-        t[i] = rhs[row] - dot(rows[row], y, 0, width);
+        lengths[i] = rhs[row] - dot(J[row], y, 0, width);
+        missed = std::max(missed, std::fabs(lengths[i]));
       }
-      fill(u, 0.0, width);
+      if (pass && missed <= 4.0 * tolerance::eps * J_norm * std::sqrt(square_from(y, 0, width))) break;
       for (int i = 0; i < m; ++i) {
-        double v = t[i];
-        for (int l = 0; l < i; ++l) v -= J[i][l] * u[l];
-        u[i] = v / J[i][i];
+        double v = lengths[i];
+        for (int l = 0; l < i; ++l) v -= C[i][l] * u[l];
+        u[i] = v / C[i][i];
       }
       for (int j = m - 1; j >= 0; --j) reflect(u, V[j], j, width);
-      double before = 0.0, after = 0.0;
-      for (int i = 0; i < n; ++i) {
-        double v = u[i];
-        const double* l = L[i];
-        for (int j = 0; j < i; ++j) v -= l[j] * u[j];
-        u[i] = v / l[i];
-        before = std::max(before, std::fabs(y[i]));
-        y[i] += u[i];
-        after = std::max(after, std::fabs(y[i]));
-      }
-      // L^-1 costs digits that a second pass on what J still misses brings back.
-      const bool again = before > tolerance::cancellation * after || norm * inverse > tolerance::exact_enough;
-      if (!again || pass == 1) break;
+      for (int i = 0; i < n; ++i) lengths[i] = dot(G[i], u, 0, width);
+      for (int i = 0; i < n; ++i) y[i] += lengths[i];
     }
     return true;
   }
 
-  // L <- the triangle of [L; rows (m, n)], rows overwritten: they are among what must not be disturbed from now on.
-  // Source: Golub and Van Loan 2013, 6.5.3, from the last column to the first.
+  // The rows J are among what must not be disturbed from now on: with J G = [X 0] Q, (I + (J G)^T J G)^-1 is that of [X; I] in the
+  // first m columns of G Q^T, which a QR of [X; I] gives.
   template <class W>
-  void append(Matrix rows, int m, int n, double* sum, W width) {
-    double square = norm * norm;
-    for (int i = 0; i < m; ++i) square += square_from(rows[i], 0, width);
-    norm = std::sqrt(square);
-    for (int j = n - 1; j >= 0; --j) {
-      double s = 0.0;
-      for (int i = 0; i < m; ++i) s += rows[i][j] * rows[i][j];
-      if (s == 0.0) continue;
-      const double alpha = L[j][j];
-      const double length = std::sqrt(alpha * alpha + s);
-      const double beta = alpha >= 0.0 ? -length : length;
-      const double head = alpha - beta;                // the reflector's first entry; the others are rows[i][j]
-      const double factor = -1.0 / (beta * head);      // 2 / ||v||^2
-      for (int l = 0; l <= j; l += lanes) (Lane::all(head) * Lane::load(L[j] + l)).store(sum + l);
-      for (int i = 0; i < m; ++i)
-        for (int l = 0; l <= j; l += lanes) (Lane::load(sum + l) + Lane::all(rows[i][j]) * Lane::load(rows[i] + l)).store(sum + l);
-      for (int i = 0; i < m; ++i) {
-        const Lane v = Lane::all(rows[i][j] * factor);
-        for (int l = 0; l <= j; l += lanes) (Lane::load(rows[i] + l) - v * Lane::load(sum + l)).store(rows[i] + l);
-      }
-      const Lane v = Lane::all(head * factor);
-      for (int l = 0; l <= j; l += lanes) (Lane::load(L[j] + l) - v * Lane::load(sum + l)).store(L[j] + l);
-      L[j][j] = beta;
-      clear_from(L[j], j + 1, width);
+  void append(Matrix C, Matrix V, int m, int n, double weight, Workspace& workspace, W width) {
+    Workspace::Scope scope(workspace);
+    Matrix T = make_matrix(workspace, m, 2 * m);
+    Matrix U = make_matrix(workspace, m, 2 * m);
+    double* order = workspace.numbers(m);
+    double* lengths = workspace.numbers(2 * m);
+    for (int j = 0; j < m; ++j) {
+      order[j] = j;
+      for (int i = 0; i < T.stride; ++i) T[j][i] = i < m ? (i >= j ? C[i][j] * weight : 0.0) : i - m == j ? 1.0 : 0.0;
     }
+    lq(T, 0, m, 0, 2 * m, order, 0.0, U, lengths, T.stride);
+    reflect_rows_by_all(G, 0, n, V, m, 0, width);
+    // x R = g for the first m entries of every row g of G, R = T^T: by K, row order[l] of which is column l of T^-1.
+    Matrix inverse = make_matrix(workspace, m, m);
+    Matrix K = make_matrix(workspace, m, m);
+    for (int j = 0; j < m; ++j) {
+      const double pivot = 1.0 / T[j][j];
+      fill(inverse[j], 0.0, K.stride);
+      inverse[j][j] = pivot;
+      for (int l = 0; l < j; ++l) add_multiple(inverse[j], inverse[l], -T[j][l] * pivot, 0, K.stride);
+    }
+    for (int l = 0; l < m; ++l)
+      for (int j = 0; j < K.stride; ++j) K[static_cast<int>(order[l])][j] = j < m ? inverse[j][l] : 0.0;
+    Matrix product = make_matrix(workspace, n, m);
+    multiply(product, G, K, n, m, K.stride);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < m; ++j) G[i][j] = product[i][j];
   }
 };
 
@@ -375,30 +360,25 @@ inline Outcome reverse_priority(const Problem& problem, const double* z, double 
       turned = true;
     }
     if (c0 == n && k >= 0) {  // lower levels determine all that higher ones may disturb
-      Triangular lower{L};
       double unit = std::numeric_limits<double>::infinity();  // rows weigh as they were given
       for (int i = 0; i < p; ++i) unit = std::min(unit, scale[i]);
       for (int i = p - 1, row = 0; i > k; --i)
-        for (std::int64_t end = row + offsets[i + 1] - offsets[i]; row < end; ++row) scale_row(L[row], unit / scale[i], width);
-      Matrix rows = make_matrix(workspace, M, n);
-      Matrix J = make_matrix(workspace, std::max(M, n), n);
-      bool serves = lower.prepare(n, J, width);
-      for (; serves && k >= 0; --k) {
+        for (std::int64_t end = row + offsets[i + 1] - offsets[i]; row < end; ++row)
+          if (scale[i] != unit) scale_row(L[row], unit / scale[i], width);
+      LowerRows lower{make_matrix(workspace, n, n)};
+      Matrix J = make_matrix(workspace, n, n), C = make_matrix(workspace, n, n), own = make_matrix(workspace, n, n);
+      for (bool serves = lower.invert(L, n, width); serves && k >= 0; --k) {
         const int r0 = static_cast<int>(offsets[k]), m = static_cast<int>(offsets[k + 1]) - r0;
         if (m == 0) continue;
         if (m > n) break;
         for (int i = 0; i < m; ++i) {
-          copy(rows[i], A[r0 + i], width);
+          copy(J[i], A[r0 + i], width);
           t[i] = rhs[r0 + i];
           if (z) t[i] -= dot(A[r0 + i], current, 0, width);
         }
-        if (turned) reflect_rows_by_all(rows, 0, m, V, n, 0, width);
-        for (int i = 0; i < m; ++i) copy(J[i], rows[i], width);
-        if (!lower.step(J, m, n, t, rows, tol, y, workspace, width)) break;
-        if (k == 0) continue;
-        for (int i = 0; i < m; ++i) scale_row(rows[i], unit / scale[k], width);
-        lower.append(rows, m, n, lengths, width);
-        serves = lower.norm * lower.inverse < tolerance::well_conditioned;
+        if (turned) reflect_rows_by_all(J, 0, m, V, n, 0, width);
+        if (!lower.step(J, m, n, t, tol, y, C, own, workspace, width)) break;
+        if (k) lower.append(C, own, m, n, unit / scale[k], workspace, width);
       }
     }
     if (turned)

@@ -18,10 +18,7 @@ constexpr double largest_ratio = 1125899906842624.0;  // 2^50
 // A step that leaves less than one part in this many of what was there before shows that part's rounding error.
 constexpr double cancellation = 4.0;
 
-// Up to this condition (of the triangle of all lower rows) a triangle is inverted rather than eliminated.
+// Up to this condition lower rows are inverted rather than eliminated anew for each level above them.
 constexpr double well_conditioned = 1e5;
-
-// Up to this condition the first pass with an inverted triangle is as exact as elimination.
-constexpr double exact_enough = 8.0;
 
 }  // namespace hqp::tolerance
