@@ -163,6 +163,9 @@ class ClosedForm(Solver):
         x: FloatArray,
         codes: NDArray[np.uint8],
     ) -> None:
+        if upper is None and self._native_solver is not None:
+            self._native_solver.solve_many(matrix, lower, offsets, secondary, x, codes)
+            return
         which = self.batch_kernel()
         if upper is not None or which is None:
             super().solve_many(matrix, lower, upper, offsets, secondary, x, codes)

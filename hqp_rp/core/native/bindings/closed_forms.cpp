@@ -15,8 +15,37 @@ const double* free_vector(nb::handle secondary, int n) {
 // A closed form with its settings.
 struct ClosedForm {
   Outcome (*const solve_)(const Problem&, const double*, double, const Damping&, double*, Workspace&);
+  void (*const solve_batch_)(const Batch&, double, const Damping&, Workspace&);
   double rank_tolerance;
   Damping damping;
+
+  // Fills x (N, n) and codes (N,) without the interpreter's lock.
+  void solve_many(nb::handle matrix, nb::handle rhs, nb::handle offsets, nb::handle secondary, nb::handle x, nb::handle codes) const {
+    Batch batch;
+    batch.matrix = required<double>(matrix, 3, "matrix");
+    batch.rhs = required<double>(rhs, 2, "rhs");
+    batch.shape.offsets = required<std::int64_t>(offsets, 1, "offsets");
+    batch.x = writable<double>(x, 2, "x");
+    batch.codes = static_cast<unsigned char*>(data_of(codes.ptr(), NPY_UINT8, 1));
+    batch.count = length_of(matrix.ptr());
+    batch.shape.rows = static_cast<int>(length_of(matrix.ptr(), 1));
+    batch.shape.unknowns = static_cast<int>(length_of(matrix.ptr(), 2));
+    batch.shape.levels = static_cast<int>(length_of(offsets.ptr()) - 1);
+    const double* free = required<double>(secondary, 2, "secondary");
+    const Py_ssize_t given = length_of(secondary.ptr());
+    const bool fit = batch.codes && length_of(rhs.ptr()) == batch.count && length_of(rhs.ptr(), 1) == batch.shape.rows &&
+                     length_of(x.ptr()) == batch.count && length_of(x.ptr(), 1) == batch.shape.unknowns &&
+                     length_of(codes.ptr()) == batch.count && batch.shape.levels > 0 && batch.shape.offsets[0] == 0 &&
+                     batch.shape.offsets[batch.shape.levels] == batch.shape.rows &&
+                     length_of(secondary.ptr(), 1) == batch.shape.unknowns && (given == 1 || given == batch.count);
+    if (!fit) throw nb::value_error("The arrays of the batch do not fit together.");
+    bool any = false;
+    for (Py_ssize_t i = 0; i < given * batch.shape.unknowns && !any; ++i) any = free[i] != 0.0;
+    batch.free = any ? free : nullptr;
+    batch.free_step = given == 1 ? 0 : batch.shape.unknowns;
+    nb::gil_scoped_release released;
+    solve_batch_(batch, rank_tolerance, damping, thread_workspace());
+  }
 
   // None where the problem is not one of equalities alone: the caller refuses it in a sentence.
   nb::object solve(nb::handle problem, nb::handle secondary) const {
@@ -32,19 +61,22 @@ struct ClosedForm {
 }  // namespace
 
 void bind_closed_forms(nb::module_& module) {
-  nb::class_<ClosedForm>(module, "ClosedForm", "A closed form on equality levels, with its settings.")
+  auto closed_form = nb::class_<ClosedForm>(module, "ClosedForm", "A closed form on equality levels, with its settings.")
       .def("solve", &ClosedForm::solve, nb::arg("problem"), nb::arg("secondary").none(),
            "Its Solution; None for a problem with hard or two-sided rows. secondary: (n,) float64, or None.");
+  closed_form.def("solve_many", &ClosedForm::solve_many, nb::arg("matrix"), nb::arg("rhs"), nb::arg("offsets"), nb::arg("secondary"),
+                  nb::arg("x"), nb::arg("codes"),
+                  "Solve N problems of one shape: (N, M, n), (N, M), (p + 1,), (N or 1, n); fills x (N, n) and codes (N,) uint8.");
   module.def(
       "reverse_priority",
       [](double rank_tolerance, int kind, double first, double second) {
-        return ClosedForm{kernels().reverse_priority, rank_tolerance, {kind, first, second}};
+        return ClosedForm{kernels().reverse_priority, kernels().reverse_priority_batch, rank_tolerance, {kind, first, second}};
       },
       nb::arg("rank_tolerance"), nb::arg("kind"), nb::arg("first"), nb::arg("second"), "Reverse priority (23)-(29), damped in T_k.");
   module.def(
       "null_space",
       [](double rank_tolerance, int kind, double first, double second) {
-        return ClosedForm{kernels().null_space, rank_tolerance, {kind, first, second}};
+        return ClosedForm{kernels().null_space, kernels().null_space_batch, rank_tolerance, {kind, first, second}};
       },
       nb::arg("rank_tolerance"), nb::arg("kind"), nb::arg("first"), nb::arg("second"), "Null-space priority (9)-(11) as an orthogonal cascade.");
 }

@@ -22,6 +22,18 @@ struct Problem {
   int hard_rows = 0;
 };
 
+// N problems of equalities of one shape, and where their answers go.
+struct Batch {
+  Problem shape;                    // its matrix and bounds are not used
+  const double* matrix = nullptr;   // (N, rows, unknowns)
+  const double* rhs = nullptr;      // (N, rows)
+  const double* free = nullptr;     // (N, unknowns), or (unknowns,) where free_step is 0, or null
+  std::int64_t free_step = 0;
+  std::int64_t count = 0;           // N
+  double* x = nullptr;              // (N, unknowns); nan where there is no answer
+  unsigned char* codes = nullptr;   // (N,) positions in Status
+};
+
 // How a solve ended; the numbers are the positions in hqp_rp.Status.
 enum class Outcome : int { solved = 0, inaccurate = 1, iteration_limit = 2, infeasible = 3, not_finite = 4, refused = 5 };
 

@@ -1,5 +1,6 @@
 #include "hqp_rp/reverse_priority.hpp"
 
+#include "hqp_rp/batch.hpp"
 #include "table.hpp"
 
 namespace hqp {
@@ -9,6 +10,13 @@ Outcome call_reverse_priority(const Problem& problem, const double* z, double ra
                               Workspace& workspace) {
   return with_width(problem.unknowns,
                     [&](auto width) { return reverse_priority(problem, z, rank_tolerance, damping, x, workspace, width); });
+}
+
+void call_reverse_priority_batch(const Batch& batch, double rank_tolerance, const Damping& damping, Workspace& workspace) {
+  const auto one = [&](const Problem& problem, const double* z, double* x) {
+    return call_reverse_priority(problem, z, rank_tolerance, damping, x, workspace);
+  };
+  solve_batch(batch, rank_tolerance, damping.kind == Damping::none, true, one, workspace);
 }
 
 }  // namespace HQP_ISA

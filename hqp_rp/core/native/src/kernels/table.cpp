@@ -11,6 +11,8 @@ const Kernels table{
     .instruction_set = HQP_TEXT(HQP_ISA),
     .null_space = call_null_space,
     .reverse_priority = call_reverse_priority,
+    .null_space_batch = call_null_space_batch,
+    .reverse_priority_batch = call_reverse_priority_batch,
 };
 
 }  // namespace HQP_ISA

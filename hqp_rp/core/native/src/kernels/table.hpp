@@ -10,6 +10,9 @@ inline namespace HQP_ISA {
 Outcome call_null_space(const Problem&, const double*, double, const Damping&, double*, Workspace&);
 Outcome call_reverse_priority(const Problem&, const double*, double, const Damping&, double*, Workspace&);
 
+void call_null_space_batch(const Batch&, double, const Damping&, Workspace&);
+void call_reverse_priority_batch(const Batch&, double, const Damping&, Workspace&);
+
 // Calls with a width known to the compiler where rows fit one or two lanes.
 template <class Function>
 HQP_INLINE auto with_width(int n, Function function) {
