@@ -6,14 +6,24 @@ import dataclasses
 from typing import ClassVar
 
 import numpy as np
-import scipy.linalg
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from hqp_rp.core.closed_form import ClosedForm, Kernel
+from hqp_rp.core import _native
+from hqp_rp.core.closed_form import ClosedForm, as_one, as_one_level
 from hqp_rp.core.damping import ConstantDamping, Damping
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.problem import FloatArray, Problem
-from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.solution import Solution
+
+
+def equation_7(
+    J: list[FloatArray], b: list[FloatArray], zeta: FloatArray, eta: float, W: FloatArray
+) -> FloatArray:
+    """x = (J^T J + lambda)^-1 (J^T b + lambda zeta), lambda = eta^2 W, J = [J_1; ...; J_p] (m, n), b (m,), zeta (n,)."""
+    stacked, rhs = np.vstack(J), np.concatenate(b)
+    weight = eta**2 * W
+    x: FloatArray = np.linalg.solve(stacked.T @ stacked + weight, stacked.T @ rhs + weight @ zeta)
+    return x
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -49,10 +59,8 @@ class DampedLeastSquares(ClosedForm):
         if self.weight is not None:
             object.__setattr__(self, "root", _root(self.weight))
 
-    def kernel(self) -> Kernel:
-        from hqp_rp.core.kernels.cascade import null_space
-
-        return null_space
+    def native(self) -> _native.ClosedForm | None:
+        return _native.null_space(self.rank_tolerance, self.damping.kind, *self.damping.parameters)
 
     def is_lexicographic(self, problem: Problem) -> bool:
         return self.weight is None and super().is_lexicographic(problem)
@@ -66,18 +74,33 @@ class DampedLeastSquares(ClosedForm):
         refusal = self._refusal(problem)
         if refusal is not None:
             return refusal
-        matrix, rhs, _, _ = problem.stacked
-        rows = np.array([0, len(matrix)])
         if self.root is None:
-            return self._run(problem, matrix, rhs, rows, secondary)
+            return as_one_level(super().solve, problem, secondary)
         # With W = R^T R and y = R x, ||x||_W = ||y||: plain damping of J R^-1.
-        turned = np.ascontiguousarray(scipy.linalg.solve_triangular(self.root, matrix.T, trans="T").T)
+        matrix, rhs, _, offsets = problem.stacked
+        turned = np.ascontiguousarray(np.linalg.solve(self.root.T, matrix.T).T)
         free = None if secondary is None else self.root @ secondary
-        solution = self._run(problem, turned, rhs, rows, free)
-        solution.secondary = secondary
-        if solution.status is Status.SOLVED:
-            solution.x = scipy.linalg.solve_triangular(self.root, solution.x)
-        return solution
+        found = as_one_level(super().solve, Problem.from_stacked(turned, rhs, rhs, offsets, check=False), free)
+        x = None if found.x is None else np.linalg.solve(self.root, found.x)
+        return Solution(problem, x, found.status, 0, found.message, secondary)
+
+    def solve_many(
+        self,
+        matrix: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray | None,
+        offsets: IntArray,
+        secondary: FloatArray,
+        x: FloatArray,
+        codes: NDArray[np.uint8],
+    ) -> None:
+        if upper is not None or self.root is None:
+            rows = as_one(offsets) if upper is None else offsets
+            super().solve_many(matrix, lower, upper, rows, secondary, x, codes)
+            return
+        turned = np.ascontiguousarray(np.swapaxes(np.linalg.solve(self.root.T, np.swapaxes(matrix, 1, 2)), 1, 2))
+        super().solve_many(turned, lower, None, as_one(offsets), secondary @ self.root.T, x, codes)
+        x[:] = np.linalg.solve(self.root, x.T).T
 
 
 def _root(weight: ArrayLike) -> FloatArray:
@@ -90,7 +113,7 @@ def _root(weight: ArrayLike) -> FloatArray:
     if not np.allclose(W, W.T, rtol=1e-12, atol=0.0):
         raise SettingError("weight is not symmetric; give (W + W.T) / 2 if that is what is meant.")
     try:
-        return np.ascontiguousarray(scipy.linalg.cholesky(W))
+        return np.ascontiguousarray(np.linalg.cholesky(W).T)
     except np.linalg.LinAlgError:
         least = float(np.linalg.eigvalsh(W)[0])
         raise SettingError(

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from hqp_rp.core.closed_form import free_copy, zeros
+from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.kernels.active_set_codes import DELICATE, INFEASIBLE, LIMIT, NOT_FINITE, SOLVED
-from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
 from hqp_rp.core.verify import fault_of
 
+_STATUSES = tuple(Status)
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
 
 
@@ -40,9 +39,13 @@ class HierarchicalActiveSet(Solver):
         rank_tolerance: the library's rank rule, in [0, 1).
         max_iterations: working sets factored (`Solution.iterations` counts them) before `Status.ITERATION_LIMIT`; None means
             200 + 10 per row.
-        warm_start: start from the last answer and its active rows, when the sizes agree. The optimum does not depend on it.
+        warm_start: start from the last answer to a problem with the same rows at each level and its active rows, as long as
+            that is worth it. An answer does not depend on what came before: a search that came from afar, or near a
+            singularity, where rounding decides which rows are active, is done once more from nothing.
         least_violation: when the hard rows contradict each other, put the point that violates them least (and, among such
             points, the lexicographic optimum) into `x`, still with `Status.INFEASIBLE`; otherwise x is None.
+
+    One object may be shared between threads; copies and pickles of it start without a warm start.
 
     Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. Goldfarb and Idnani 1983 for the guess.
     The level-by-level search with fresh factorizations, guess and block pivots is ours.
@@ -52,9 +55,6 @@ class HierarchicalActiveSet(Solver):
     max_iterations: int | None = None
     warm_start: bool = True
     least_violation: bool = False
-    _kept: dict[tuple[int, int, int], tuple[FloatArray, IntArray]] = dataclasses.field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
 
     name: ClassVar[str] = "hierarchical_active_set"
     summary: ClassVar[str] = "exact lexicographic optimum with two-sided rows at any level and hard rows"
@@ -72,75 +72,47 @@ class HierarchicalActiveSet(Solver):
     def is_lexicographic(self, problem: Problem) -> bool:
         return True
 
-    def reset(self) -> None:
-        self._kept.clear()
-
     @functools.cached_property
-    def _search(self) -> Callable[..., int]:
-        """The compiled search, loaded when first needed."""
-        from hqp_rp.core.kernels.active_set_direct import active_set_entry
-
-        return active_set_entry()
+    def _native(self) -> _native.ActiveSet:
+        limit = -1 if self.max_iterations is None else self.max_iterations
+        return _native.ActiveSet(self.rank_tolerance, limit, self.warm_start, self.least_violation)
 
     def __getstate__(self) -> dict[str, object]:
-        return {name: value for name, value in self.__dict__.items() if name != "_search"}
+        return {name: value for name, value in self.__dict__.items() if name != "_native"}
+
+    def reset(self) -> None:
+        """Forget warm starts."""
+        self._native.reset()
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
-        n = problem.n
-        shape = (problem.hard_rows, problem.rows, n)
-        warm = self.warm_start
-        kept = self._kept.pop(shape, None) if warm else None  # nobody else starts from it meanwhile
-        rows = shape[0] + shape[1]
-        x, side = (np.zeros(n), np.zeros(rows, np.int64)) if kept is None else kept
-        limit = self._limit(rows)
-        free = zeros(n) if secondary is None else free_copy(secondary, n)
-        address = problem.address
-        try:
-            found = self._search(address, free, self.rank_tolerance, limit, self.least_violation, x, side)
-        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
-            found = NOT_FINITE
-        code, iterations = found & 7, found >> 3
-        if code == SOLVED:
-            if warm:
-                self._kept[shape] = x, side
-                x, side = x.copy(), side.copy()
-            solution = Solution(problem, x, Status.SOLVED, iterations, "", secondary)
-            solution.held = side
+        """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
+        if secondary is not None:
+            secondary = checked_secondary(secondary, problem.n)
+        found: Any = self._native.solve(problem, secondary)
+        if type(found) is not tuple:
+            solution: Solution = found
             return solution
-        return self._otherwise(problem, secondary, x, side, code, iterations, kept is not None)
+        return self._otherwise(problem, secondary, *found)
 
     def _otherwise(
-        self,
-        problem: Problem,
-        secondary: FloatArray | None,
-        x: FloatArray,
-        side: IntArray,
-        code: int,
-        iterations: int,
-        guessed: bool,
+        self, problem: Problem, secondary: FloatArray | None, code: int, iterations: int, x: FloatArray, side: Any
     ) -> Solution:
-        """What a search that did not end in `SOLVED` says; once more from nothing where a guess may be to blame."""
-        if code == DELICATE:
+        """What a search that did not end in `SOLVED` says; an answer near a singularity is verified."""
+        status = _STATUSES[code]
+        if status is Status.INACCURATE:
             fault = fault_of(problem, x, secondary, self.tolerance, rank_tolerance=self.rank_tolerance)
-            solution = Solution(problem, x, Status.INACCURATE if fault else Status.SOLVED, iterations, fault, secondary)
+            if not fault:
+                status = Status.SOLVED
+            solution = Solution(problem, x, status, iterations, fault, secondary)
             solution.held = side
-            if self.warm_start:
-                self._kept[problem.hard_rows, problem.rows, problem.n] = x.copy(), side.copy()
             return solution
-        if (
-            guessed
-        ):  # a guess may lead into a cycle, out of what numbers hold, or to rows that all but contradict each other
-            return self.solve(problem, secondary)
-        if code == INFEASIBLE:
+        if status is Status.INFEASIBLE:
             names = ", ".join(str(i) for i in np.flatnonzero(side))
             message = f"Hard rows {names} contradict each other: no x meets them all."
             least = x if self.least_violation else None
-            return Solution(problem, least, Status.INFEASIBLE, iterations, message, secondary)
-        if code == LIMIT:
-            limit = self._limit(len(side))
+            return Solution(problem, least, status, iterations, message, secondary)
+        if status is Status.ITERATION_LIMIT:
+            limit = 200 + 10 * len(side) if self.max_iterations is None else self.max_iterations
             message = f"No optimal working set in {limit} iterations; raise max_iterations."
-            return Solution(problem, None, Status.ITERATION_LIMIT, iterations, message, secondary)
+            return Solution(problem, None, status, iterations, message, secondary)
         return Solution(problem, None, Status.NOT_FINITE, iterations, _OVERFLOW, secondary)
-
-    def _limit(self, rows: int) -> int:
-        return 200 + 10 * rows if self.max_iterations is None else self.max_iterations

@@ -5,12 +5,32 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hqp_rp.core import _native
-from hqp_rp.core.closed_form import ClosedForm, Kernel
+from hqp_rp.core.closed_form import ClosedForm
+from hqp_rp.core.damping import NoDamping
 from hqp_rp.core.errors import unknown_name
+from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.solver import Solver
+from hqp_rp.core.stacked import load, pinv, pinv_times
 
 VARIANTS = ("basis", "projector")
+
+
+def equation_11(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
+    """x <- x + (J_k N_{k-1})^+ (b_k - J_k x) for k = 1, ..., p, from x = zeta (n,): (11) on N levels.
+
+    N_k = N_{k-1} - (J_k N_{k-1})^+ J_k N_{k-1}, N_0 = I; J_k (m_k, n), b_k (m_k,). For regular J_k alone.
+    """
+    x, N = zeta, np.eye(len(zeta))
+    for J_k, b_k in zip(J, b, strict=True):
+        restricted = np.linalg.pinv(J_k @ N, rcond=1e-10)
+        x = x + restricted @ (b_k - J_k @ x)
+        N = N - restricted @ J_k @ N
+    return x
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,34 +67,55 @@ class NullSpace(ClosedForm):
             return None
         return _native.null_space(self.rank_tolerance, self.damping.kind, *self.damping.parameters)
 
-    def kernel(self) -> Kernel:
-        from hqp_rp.core.kernels import cascade
+    def stacked(
+        self, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The textbook recursion on N problems; the measure is the largest disturbance of a finished level by a later one.
 
-        return cascade.null_space if self.variant == "basis" else cascade.null_space_projector
+        It is relative to ||A_k|| ||x|| + ||b_k||.
+        """
+        given = load(matrix, rhs, offsets)
+        x = np.where(given.finite[:, None], secondary, np.nan)
+        P = np.broadcast_to(np.eye(matrix.shape[2]), (len(matrix), matrix.shape[2], matrix.shape[2]))
+        reached = []
+        for k, (J, b) in enumerate(zip(given.J, given.b, strict=True)):
+            zero = self.rank_tolerance * given.size[:, k]
+            JP = J @ P
+            x = x + pinv_times(JP, b - np.einsum("nij,nj->ni", J, x), zero, self.damping, given.scale[:, k])
+            P = P - pinv(JP, zero, NoDamping()) @ JP
+            reached.append(np.einsum("nij,nj->ni", J, x))
+        disturbed = np.zeros(len(matrix))
+        for J, b, at in zip(given.J, given.b, reached, strict=True):
+            moved = np.linalg.norm(np.einsum("nij,nj->ni", J, x) - at, axis=1)
+            size = np.linalg.norm(b, axis=1) + np.linalg.norm(J, axis=(1, 2)) * np.linalg.norm(x, axis=1)
+            disturbed = np.maximum(disturbed, np.where(size > 0.0, moved / np.where(size > 0.0, size, 1.0), 0.0))
+        return x, disturbed
 
-    def direct_kernel(self) -> Kernel | None:
-        from hqp_rp.core.kernels import cascade
-
-        return cascade.null_space_of if self.variant == "basis" else None
-
-    def _judged(self, solution: Solution, code: float) -> Solution:
-        if self.variant == "basis" or solution.x is None:
-            return solution
+    def _judged(self, solution: Solution, measure: float) -> Solution:
         fault = ""
-        if code - 1.0 > self.tolerance:
-            fault = f"The recursive projector disturbed a finished level by {code - 1.0:.1e} of its size."
+        if measure > self.tolerance:
+            fault = f"The recursive projector disturbed a finished level by {measure:.1e} of its size."
         elif self.damping.kind == 0:
             from hqp_rp.core.verify import fault_of
 
+            assert solution.x is not None
             fault = fault_of(solution.problem, solution.x, solution.secondary, self.tolerance)
         if fault:
             solution.status = Status.INACCURATE
             solution.message = f'{fault} variant="basis" has no such fault.'
         return solution
 
-    def batch_kernel(self) -> int | None:
-        from hqp_rp.core.kernels import batch
-
-        if self.variant == "basis":
-            return batch.NULL_SPACE
-        return None if self.damping.kind == 0 else batch.NULL_SPACE_PROJECTOR  # undamped, each answer is judged
+    def solve_many(
+        self,
+        matrix: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray | None,
+        offsets: IntArray,
+        secondary: FloatArray,
+        x: FloatArray,
+        codes: NDArray[np.uint8],
+    ) -> None:
+        if self.variant == "basis" or self.damping.kind != 0:
+            super().solve_many(matrix, lower, upper, offsets, secondary, x, codes)
+        else:  # undamped, each answer is judged
+            Solver.solve_many(self, matrix, lower, upper, offsets, secondary, x, codes)

@@ -1,4 +1,4 @@
-"""The Jacobian pseudo-inverse (4)-(5): all levels as one, no priority."""
+"""The pseudo-inverse of all levels as one (1)-(5): least squares without priority."""
 
 from __future__ import annotations
 
@@ -6,10 +6,20 @@ import dataclasses
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hqp_rp.core.closed_form import ClosedForm, Kernel
-from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core import _native
+from hqp_rp.core.closed_form import ClosedForm, as_one, as_one_level
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution
+
+
+def equation_5(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
+    """x = J^+ b + (I - J^+ J) zeta with J = [J_1; ...; J_p] (m, n), b (m,), zeta (n,)."""
+    stacked, rhs = np.vstack(J), np.concatenate(b)
+    inverse = np.linalg.pinv(stacked)
+    x: FloatArray = inverse @ rhs + (np.eye(len(zeta)) - inverse @ stacked) @ zeta
+    return x
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -27,14 +37,20 @@ class PseudoInverse(ClosedForm):
     source: ClassVar[str] = "paper (1)-(5), (17)"
     exact_levels: ClassVar[int] = 1
 
-    def kernel(self) -> Kernel:
-        from hqp_rp.core.kernels.cascade import null_space
-
-        return null_space
+    def native(self) -> _native.ClosedForm | None:
+        return _native.null_space(self.rank_tolerance, self.damping.kind, *self.damping.parameters)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
-        refusal = self._refusal(problem)
-        if refusal is not None:
-            return refusal
-        matrix, rhs, _, _ = problem.stacked
-        return self._run(problem, matrix, rhs, np.array([0, len(matrix)]), secondary)
+        return self._refusal(problem) or as_one_level(super().solve, problem, secondary)
+
+    def solve_many(
+        self,
+        matrix: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray | None,
+        offsets: IntArray,
+        secondary: FloatArray,
+        x: FloatArray,
+        codes: NDArray[np.uint8],
+    ) -> None:
+        super().solve_many(matrix, lower, upper, as_one(offsets) if upper is None else offsets, secondary, x, codes)

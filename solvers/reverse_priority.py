@@ -5,12 +5,42 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar, Literal
 
+import numpy as np
+
 from hqp_rp.core import _native
-from hqp_rp.core.closed_form import ClosedForm, Kernel
+from hqp_rp.core.closed_form import ClosedForm
+from hqp_rp.core.damping import ConstantDamping, NoDamping
 from hqp_rp.core.errors import unknown_name
+from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.stacked import Loaded, by_rank, load, pinv, pinv_times, range_projector, two_norms
 
 FORMS = ("columns", "projector")
 PLACES = ("t_k", "everywhere")
+
+
+def equation_29(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
+    """x <- x + T_k (J_k T_k)^+ (b_k - J_k x) for k = p, ..., 1, from x = zeta (n,): (29).
+
+    T_k (n, m_k): the first m_k columns of [J_k; J_{k+1}; ...; J_p]^+ (23)-(25); J_k (m_k, n), b_k (m_k,).
+    """
+    x = zeta
+    for k in range(len(J) - 1, -1, -1):
+        T_k = np.linalg.pinv(np.vstack(J[k:]), rcond=1e-10)[:, : len(J[k])]
+        x = x + T_k @ np.linalg.pinv(J[k] @ T_k, rcond=1e-10) @ (b[k] - J[k] @ x)
+    return x
+
+
+def equation_22(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
+    """x <- x + (J_k P_{k+1})^+ (b_k - J_k x) for k = p, ..., 1: (22), P_{k+1} = T_k T_k^+ + N_k of (27).
+
+    N_k projects on the null space of [J_k; ...; J_p], where J_k N_k = 0: it drops out, by (28).
+    """
+    x = zeta
+    for k in range(len(J) - 1, -1, -1):
+        T_k = np.linalg.pinv(np.vstack(J[k:]), rcond=1e-10)[:, : len(J[k])]
+        P = T_k @ np.linalg.pinv(T_k, rcond=1e-10)
+        x = x + np.linalg.pinv(J[k] @ P, rcond=1e-10) @ (b[k] - J[k] @ x)
+    return x
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -53,22 +83,83 @@ class ReversePriority(ClosedForm):
             return None
         return _native.reverse_priority(self.rank_tolerance, self.damping.kind, *self.damping.parameters)
 
-    def kernel(self) -> Kernel:
-        from hqp_rp.core.kernels import reverse
+    def stacked(
+        self, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        given = load(matrix, rhs, offsets)
+        x = np.where(given.finite[:, None], secondary, np.nan)
+        everywhere = self.damp == "everywhere" and self.damping.kind != 0
+        for k in range(len(given.J) - 1, -1, -1):
+            if given.J[k].shape[1] == 0:
+                continue
+            if everywhere:
+                x = x + self._damped_step(given, k, x)
+                continue
+            for _ in range(2):  # once more where a step cancels most of what lower levels had put into x
+                before = np.abs(x).max(axis=1)
+                x = x + self._projected_step(given, k, x)
+                if not (before > 4.0 * np.abs(x).max(axis=1)).any():
+                    break
+        return x, np.zeros(len(matrix))
 
-        if self.damp == "everywhere" and self.damping.kind != 0:
-            return reverse.damped_projector_form if self.form == "projector" else reverse.damped_columns_form
-        return reverse.projector_form if self.form == "projector" else reverse.columns_form
+    def _damped_step(self, given: Loaded, k: int, x: FloatArray) -> FloatArray:
+        """(29) or (22) with every pseudo-inverse damped, as a plain reading of (15) in (32) has it."""
+        weights, unit = given.weights(k), given.unit(k)
+        rows = np.concatenate(given.J[k:], axis=1) * weights[:, :, None]
+        m = given.J[k].shape[1]
+        T = pinv(rows, self.rank_tolerance * two_norms(rows), self.damping, unit)[:, :, :m]
+        J_k = rows[:, :m]
+        t = (given.b[k] - np.einsum("nij,nj->ni", given.J[k], x)) * weights[:, :m]
+        if self.form == "projector":
+            zero = self.rank_tolerance * two_norms(J_k)
+            return pinv_times(J_k @ range_projector(T), t, zero, self.damping, unit)
+        inner = J_k @ T
+        step = pinv_times(inner, t, self.rank_tolerance * two_norms(inner), self.damping)
+        moved: FloatArray = np.einsum("nij,nj->ni", T, step)
+        return moved
 
-    def direct_kernel(self) -> Kernel | None:
-        from hqp_rp.core.kernels import reverse
-
-        plain = self.form == "columns" and (self.damp != "everywhere" or self.damping.kind == 0)
-        return reverse.columns_form_of if plain else None
-
-    def batch_kernel(self) -> int:
-        from hqp_rp.core.kernels import batch
-
-        if self.damp == "everywhere" and self.damping.kind != 0:
-            return batch.DAMPED_PROJECTOR_FORM if self.form == "projector" else batch.DAMPED_COLUMNS_FORM
-        return batch.PROJECTOR_FORM if self.form == "projector" else batch.COLUMNS_FORM
+    def _projected_step(self, given: Loaded, k: int, x: FloatArray) -> FloatArray:
+        """(J_k P)^+ (b_k - J_k x), P the projector on range(T_k), T_k damped by the policy: (22) with (27)-(28)."""
+        n = x.shape[1]
+        step = np.zeros_like(x)
+        t = given.b[k] - np.einsum("nij,nj->ni", given.J[k], x)
+        weights, unit = given.weights(k), given.unit(k)
+        lower = np.concatenate([*given.J[k + 1 :], np.zeros((len(x), 0, n))], axis=1)
+        kind, (first, second) = self.damping.kind, self.damping.parameters
+        spans = [(np.arange(len(x)), np.broadcast_to(np.eye(n), (len(x), n, n)))]
+        factor = first * unit if kind == 1 else np.zeros(len(x))
+        if kind > 1:
+            weighted = np.concatenate((given.J[k], lower), axis=1) * weights[:, :, None]
+            sigma = np.linalg.svd(weighted, compute_uv=False)
+            if kind == 2:
+                ratio = sigma[:, -1] / (first * unit)
+                damped = np.sqrt(np.maximum((1.0 - ratio) * (1.0 + ratio), 0.0)) * second * unit
+                factor = np.where(ratio >= 1.0, 0.0, damped)
+            else:
+                spans = [
+                    (own, np.swapaxes(Vt[:, :kept], 1, 2))
+                    for own, kept, _, _, Vt in by_rank(weighted, first * unit, np.arange(len(x)))
+                    if kept
+                ]
+        m = given.J[k].shape[1]
+        for which, V in spans:
+            J, B = given.J[k][which] @ V, lower[which] @ V
+            zero = self.rank_tolerance * given.size[which, k]
+            for own, rank, _, _, Vt in by_rank(J, zero, np.arange(len(which))):
+                if rank == 0:
+                    continue
+                Y, Z = np.swapaxes(Vt[:, :rank], 1, 2), np.swapaxes(Vt[:, rank:], 1, 2)
+                T = Y
+                if Z.shape[2] and B.shape[1]:  # the least disturbance of the lower rows along each direction of Y
+                    D = weights[which[own], m:, None]
+                    BZ, BY = B[own] @ Z, B[own] @ Y
+                    cut = self.rank_tolerance * two_norms(B[own]) * D.min(axis=(1, 2))
+                    alone = factor[which[own]]
+                    policy = ConstantDamping(1.0) if alone.any() else NoDamping()
+                    small = np.where(alone > 0.0, -1.0, cut)
+                    T = Y - Z @ (pinv(D * BZ, small, policy, alone) @ (D * BY))
+                P = np.linalg.qr(T)[0]
+                restricted = np.einsum("nij,njr->nir", J[own], P)
+                answer = pinv_times(restricted, t[which[own]], zero[own], NoDamping())
+                step[which[own]] = np.einsum("nij,njr,nr->ni", V[own], P, answer)
+        return step

@@ -7,13 +7,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from hqp_rp.core.closed_form import ClosedForm, Kernel
+from hqp_rp.core import _native
+from hqp_rp.core.closed_form import ClosedForm
 from hqp_rp.core.damping import ConstantDamping, NoDamping
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.stacked import load
 from hqp_rp.core.verify import hard_excess
 
+_STATUSES = tuple(Status)
 _ROUNDING = 1e-15  # relative: a row missed by this much is met
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
 
@@ -69,15 +72,19 @@ class ReversePriorityUnilateral(ClosedForm):
         levels = int(np.count_nonzero(np.diff(problem.offsets)))
         return super().is_lexicographic(problem) and (problem.hard is None or not problem.hard.m or levels <= 1)
 
-    def kernel(self) -> Kernel:
-        from hqp_rp.core.kernels import reverse
-
-        return reverse.columns_form
+    def native(self) -> _native.ClosedForm | None:
+        return _native.reverse_priority(self.rank_tolerance, self.damping.kind, *self.damping.parameters)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The answer with the least disturbance of the levels; see `Solver.solve`."""
-        solution = super().solve(problem, secondary)
         hard = problem.hard
+        if hard is None or not hard.m:
+            solution = super().solve(problem, secondary)
+        else:
+            matrix, lower, upper, offsets = problem.stacked
+            levels = Problem.from_stacked(matrix, lower, upper, offsets, names=problem.names, check=False)
+            found = super().solve(levels, secondary)
+            solution = Solution(problem, found.x, found.status, found.iterations, found.message, secondary)
         if solution.x is None:
             return solution
         if hard is None or hard_excess(hard, solution.x) <= _ROUNDING:  # no hard row is active
@@ -86,30 +93,21 @@ class ReversePriorityUnilateral(ClosedForm):
         return self._held(problem, hard, solution.x, secondary)
 
     def _held(self, problem: Problem, hard: Level, y: FloatArray, secondary: FloatArray | None) -> Solution:
-        from hqp_rp.core.kernels import active_set
-
-        rows = self._disturbance_rows(problem)
+        kept = (rows := self._disturbance_rows(problem)) @ y
         m, M = hard.m, len(rows)
-        matrix = np.concatenate((hard.A, rows))
-        kept = rows @ y
-        lower, upper = np.concatenate((hard.lower, kept)), np.concatenate((hard.upper, kept))
-        offsets = np.array([0, m, m + M])
+        search = Problem.from_stacked(rows, kept, kept, np.array([0, M]), names=["disturbance"], hard=hard, check=False)
         x, side = y.copy(), np.zeros(m + M, np.int64)
-        try:
-            code, iterations = active_set.hierarchical_active_set(
-                matrix, lower, upper, offsets, m, y, self.rank_tolerance, self.max_iterations, False, x, side
-            )
-        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
-            code, iterations = active_set.NOT_FINITE, 0
-        if code == active_set.NOT_FINITE:
-            return Solution(problem, None, Status.NOT_FINITE, iterations, _OVERFLOW, secondary)
-        if code == active_set.INFEASIBLE:
+        code, iterations = _native.active_set(search, y, self.rank_tolerance, self.max_iterations, False, x, side)
+        status = _STATUSES[code]
+        if status is Status.NOT_FINITE:
+            return Solution(problem, None, status, iterations, _OVERFLOW, secondary)
+        if status is Status.INFEASIBLE:
             named = ", ".join(str(i) for i in np.flatnonzero(side[:m]))
             message = f"Hard rows {named} contradict each other: no x meets them all."
-            return Solution(problem, None, Status.INFEASIBLE, iterations, message, secondary)
-        if code == active_set.LIMIT:
+            return Solution(problem, None, status, iterations, message, secondary)
+        if status is Status.ITERATION_LIMIT:
             message = f"No optimal set of active rows in {self.max_iterations} iterations; raise max_iterations."
-            return Solution(problem, None, Status.ITERATION_LIMIT, iterations, message, secondary)
+            return Solution(problem, None, status, iterations, message, secondary)
         excess = hard_excess(hard, x)
         message = "" if excess <= self.tolerance else f"A hard row is violated by a relative {excess:.1e}."
         status = Status.INACCURATE if message else Status.SOLVED
@@ -121,15 +119,12 @@ class ReversePriorityUnilateral(ClosedForm):
     def _disturbance_rows(self, problem: Problem) -> FloatArray:
         """The rows of all levels (M, n), and lambda I below them when damped: what a move of the hard rows should spare.
 
-        In one power-of-two unit for all, in which the largest level has entries of the order of one.
+        As they were given, but for one power of two for all and levels of less than 2^-50 of the largest, which weigh as that.
         """
-        from hqp_rp.core.kernels import orthogonal, reverse
-
         matrix, rhs, _, offsets = problem.stacked
-        loaded, scale = np.empty(matrix.shape), np.empty(problem.p)
-        orthogonal.load(matrix, rhs, offsets, loaded, np.empty(len(rhs)), scale)
-        rows: FloatArray = reverse.weighted_rows(loaded, reverse.level_weights(scale, offsets, 0))
-        kind, (first, _) = self.damping.kind, self.damping.parameters
-        if kind == 0:
+        given = load(matrix[None], rhs[None], offsets)
+        rows: FloatArray = np.concatenate([J[0] for J in given.J]) * given.weights(0)[0][:, None]
+        first, _ = self.damping.parameters
+        if self.damping.kind == 0:
             return rows
-        return np.concatenate((rows, first * reverse.smallest_of(scale, 0) * np.eye(problem.n)))
+        return np.concatenate((rows, first * given.unit(0)[0] * np.eye(problem.n)))

@@ -5,7 +5,22 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar
 
-from hqp_rp.core.closed_form import ClosedForm, Kernel
+import numpy as np
+
+from hqp_rp.core.closed_form import ClosedForm
+from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.stacked import by_rank, load, pinv_times
+
+
+def equation_13(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
+    """x = J_1^+ b_1 + N_1 J_2^+ b_2 + N_2 J_3^+ b_3 + ... + N_p zeta, N_k = I - J^+ J, J = [J_1; ...; J_k]: (13) on N levels."""
+    n = len(zeta)
+    x, N = np.zeros(n), np.eye(n)
+    for k, (J_k, b_k) in enumerate(zip(J, b, strict=True)):
+        x = x + N @ np.linalg.pinv(J_k) @ b_k
+        above = np.vstack(J[: k + 1])
+        N = np.eye(n) - np.linalg.pinv(above, rcond=1e-10) @ above
+    return x + N @ zeta
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -24,12 +39,30 @@ class SingularityRobust(ClosedForm):
     source: ClassVar[str] = "paper (13); Chiaverini 1997"
     exact_levels: ClassVar[int] = 1
 
-    def kernel(self) -> Kernel:
-        from hqp_rp.core.kernels.robust import singularity_robust
-
-        return singularity_robust
-
-    def batch_kernel(self) -> int:
-        from hqp_rp.core.kernels import batch
-
-        return batch.SINGULARITY_ROBUST
+    def stacked(
+        self, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        given = load(matrix, rhs, offsets)
+        n = matrix.shape[2]
+        steps = [
+            pinv_times(J, b, self.rank_tolerance * given.size[:, k], self.damping, given.scale[:, k])
+            for k, (J, b) in enumerate(zip(given.J, given.b, strict=True))
+        ]
+        x = np.where(given.finite[:, None], 0.0, np.full(secondary.shape, np.nan))
+        # Problems whose levels keep the same ranks share one basis shape; Z (., n, d) spans what levels leave free.
+        groups = [(np.arange(len(matrix)), np.broadcast_to(np.eye(n), (len(matrix), n, n)))]
+        for k, J in enumerate(given.J):
+            following = []
+            for which, Z in groups:
+                x[which] += np.einsum("nid,njd,nj->ni", Z, Z, steps[k][which])
+                if J.shape[1] == 0 or Z.shape[2] == 0:
+                    following.append((which, Z))
+                    continue
+                zero = self.rank_tolerance * given.size[which, k]
+                positions = np.arange(len(which))
+                for own, rank, _, _, Vt in by_rank(J[which] @ Z, zero, positions):
+                    following.append((which[own], Z[own] @ np.swapaxes(Vt[:, rank:], 1, 2)))
+            groups = following
+        for which, Z in groups:
+            x[which] += np.einsum("nid,njd,nj->ni", Z, Z, secondary[which])
+        return x, np.zeros(len(matrix))

@@ -1,29 +1,26 @@
-"""What every closed form shares: its settings, the equality-only refusal, and the call of its compiled kernel."""
+"""What every closed form shares: its settings, the equality-only refusal, and how it is called: natively or in numpy."""
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 import functools
 from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from hqp_rp.core import _native
 from hqp_rp.core.damping import Damping, NoDamping, checked_damping
-from hqp_rp.core.errors import ProblemError, SettingError
+from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver
-
-Kernel = Callable[..., float]
-"""(matrix, rhs, offsets, free vector, rank tolerance, damping kind, its two parameters, answer) -> 0 if not finite."""
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
 
 _NOT_FINITE = list(Status).index(Status.NOT_FINITE)
 _INACCURATE = list(Status).index(Status.INACCURATE)
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
+_CHUNK = 4096  # problems that a form in numpy takes at once
 
 
 @functools.lru_cache(maxsize=256)
@@ -32,17 +29,25 @@ def zeros(n: int) -> FloatArray:
     return np.zeros(n)
 
 
-def free_copy(secondary: ArrayLike, n: int) -> FloatArray:
-    """A copy of the free vector that compiled code may write to. Raises `ProblemError` where it is not (n,)."""
-    x = np.array(secondary, dtype=np.float64)
-    if x.shape != (n,):
-        raise ProblemError(f"secondary has shape {x.shape}; it must be ({n},), one number for each unknown.")
-    return x
+def as_one(offsets: IntArray) -> IntArray:
+    """Offsets of the same rows as one level."""
+    return offsets[[0, -1]]
+
+
+def as_one_level(
+    solve: Callable[[Problem, FloatArray | None], Solution], problem: Problem, secondary: FloatArray | None
+) -> Solution:
+    """What `solve` makes of the rows of all levels as one level, as an answer to `problem`."""
+    matrix, rhs, _, offsets = problem.stacked
+    found = solve(Problem.from_stacked(matrix, rhs, rhs, as_one(offsets), names=["all"], check=False), secondary)
+    return Solution(problem, found.x, found.status, found.iterations, found.message, secondary)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ClosedForm(Solver):
     """A closed form on equality levels.
+
+    A form is either native (`native`) or written in numpy for many problems at once (`stacked`).
 
     Args:
         damping: what replaces 1/sigma near a singularity: `NoDamping`, `ConstantDamping`, `VariableDamping`, `Truncation`.
@@ -66,92 +71,59 @@ class ClosedForm(Solver):
             return False
         return int(np.count_nonzero(np.diff(problem.offsets))) <= self.exact_levels
 
-    @abc.abstractmethod
-    def kernel(self) -> Kernel:
-        """The compiled kernel for these settings."""
-
-    def direct_kernel(self) -> Kernel | None:
-        """The same kernel for a described problem, where there is one: (problem's address, settings' address, x) -> code.
-
-        x holds the free vector, then the answer; see `hqp_rp.core.kernels.direct`.
-        """
-        return None
-
-    @functools.cached_property
-    def _bound(self) -> tuple[Kernel, float, int, float, float]:
-        """The kernel and its settings, looked up once: a control loop pays for the solve alone."""
-        first, second = self.damping.parameters
-        return self.kernel(), float(self.rank_tolerance), self.damping.kind, first, second
-
-    @functools.cached_property
-    def _direct(self) -> tuple[Kernel, int, FloatArray] | None:
-        """The direct kernel's machine code, and the address of its settings beside the array that holds them."""
-        kernel = self.direct_kernel()
-        if kernel is None:
-            return None
-        from hqp_rp.core.kernels.direct import closed_form_entry
-
-        settings = np.array([self.rank_tolerance, self.damping.kind, *self.damping.parameters])
-        return closed_form_entry(kernel), int(settings.__array_interface__["data"][0]), settings
-
-    def __getstate__(self) -> dict[str, object]:
-        return {name: value for name, value in self.__dict__.items() if name not in {"_bound", "_direct", "_native_solver"}}
-
     def native(self) -> _native.ClosedForm | None:
         """The native solver for these settings, where the form has one."""
         return None
 
+    def stacked(
+        self, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The form in numpy on N problems: (N, M, n), (N, M), (p + 1,), (N, n) -> x (N, n) and a measure (N,).
+
+        The measure is 0 where all is well, what `_judged` understands otherwise, and nan where x is not finite.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has neither a native nor a numpy form.")
+
     @functools.cached_property
     def _native_solver(self) -> _native.ClosedForm | None:
+        """Made once: a control loop pays for the solve alone."""
         return self.native()
 
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in self.__dict__.items() if name != "_native_solver"}
+
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
+        if secondary is not None:
+            secondary = checked_secondary(secondary, problem.n)
         native = self._native_solver
-        if native is not None:
-            solution: Solution | None = native.solve(problem, secondary)
-            if solution is not None:
-                if solution.x is None:
-                    solution.message = _OVERFLOW
-                return solution
-        if problem.hard_rows or not problem.is_equality:
-            refusal = self._refusal(problem)
-            if refusal is not None:
-                return refusal
-        direct = self._direct
-        if direct is None:
-            matrix, rhs, _, offsets = problem.stacked
-            return self._run(problem, matrix, rhs, offsets, secondary)
-        address = problem.address
-        x = np.zeros(problem.n) if secondary is None else free_copy(secondary, problem.n)
-        try:
-            code = direct[0](address, direct[1], x)
-        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
-            code = 0.0
-        if secondary is None and code is True:
-            return Solution(problem, x)
-        return self._answer(problem, x, code, secondary)
+        solution = None if native is None else native.solve(problem, secondary)
+        if solution is None:
+            return self._refusal(problem) or self._in_numpy(problem, secondary)
+        if solution.x is None:
+            solution.message = _OVERFLOW
+        return solution
 
-    def _run(
-        self, problem: Problem, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray | None
-    ) -> Solution:
-        kernel, tolerance, kind, first, second = self._bound
-        x = np.empty(problem.n)
+    def _in_numpy(self, problem: Problem, secondary: FloatArray | None) -> Solution:
+        matrix, rhs, _, offsets = problem.stacked
         free = zeros(problem.n) if secondary is None else secondary
-        try:
-            code = kernel(matrix, rhs, offsets, free, tolerance, kind, first, second, x)
-        except (ValueError, np.linalg.LinAlgError):
-            code = 0.0
-        return self._answer(problem, x, code, secondary)
-
-    def _answer(self, problem: Problem, x: FloatArray, code: float, secondary: FloatArray | None) -> Solution:
-        if not code:
+        x, measure = self._stacked(matrix[None], rhs[None], offsets, free[None])
+        if not np.isfinite(x).all():
             return Solution(problem, None, Status.NOT_FINITE, 0, _OVERFLOW, secondary)
-        solution = Solution(problem, x, secondary=secondary)
-        return solution if code is True else self._judged(solution, code)
+        return self._judged(Solution(problem, x[0], secondary=secondary), float(measure[0]))
 
-    def batch_kernel(self) -> int | None:
-        """Which closed form of `kernels.batch` this is, or None when it has none (problems are then solved one by one)."""
-        return None
+    def _stacked(
+        self, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        with np.errstate(all="ignore"):
+            try:
+                return self.stacked(matrix, rhs, offsets, secondary)
+            except np.linalg.LinAlgError:  # an overflow on the way: which problem's, one by one
+                if len(matrix) == 1:
+                    return np.full((1, matrix.shape[2]), np.nan), np.full(1, np.nan)
+        parts = [
+            self._stacked(matrix[i : i + 1], rhs[i : i + 1], offsets, secondary[i : i + 1]) for i in range(len(matrix))
+        ]
+        return np.concatenate([x for x, _ in parts]), np.concatenate([measure for _, measure in parts])
 
     def solve_many(
         self,
@@ -163,25 +135,21 @@ class ClosedForm(Solver):
         x: FloatArray,
         codes: NDArray[np.uint8],
     ) -> None:
-        if upper is None and self._native_solver is not None:
-            self._native_solver.solve_many(matrix, lower, offsets, secondary, x, codes)
-            return
-        which = self.batch_kernel()
-        if upper is not None or which is None:
+        if upper is not None:
             super().solve_many(matrix, lower, upper, offsets, secondary, x, codes)
             return
-        from hqp_rp.core.kernels import batch
+        if self._native_solver is not None:
+            self._native_solver.solve_many(matrix, lower, offsets, secondary, x, codes)
+            return
+        free = np.broadcast_to(secondary, x.shape)
+        for start in range(0, len(matrix), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            x[part], measure = self._stacked(matrix[part], lower[part], offsets, free[part])
+            codes[part] = np.where(measure > self.tolerance, _INACCURATE, 0)
+            bad = ~np.isfinite(x[part]).all(axis=1)
+            codes[part][bad] = _NOT_FINITE
+            x[part][bad] = np.nan
 
-        _, tolerance, kind, first, second = self._bound
-        code = np.empty(len(matrix))
-        settings = (tolerance, kind, first, second)
-        if which == batch.NULL_SPACE:
-            batch.batch_null_space(matrix, lower, offsets, secondary, *settings, x, code)
-        else:
-            batch.batch_one_by_one(which, matrix, lower, offsets, secondary, *settings, x, code)
-        codes[:] = np.where(code == 0.0, _NOT_FINITE, np.where(code - 1.0 > self.tolerance, _INACCURATE, 0))
-        x[code == 0.0] = np.nan
-
-    def _judged(self, solution: Solution, code: float) -> Solution:
-        """What a kernel that returns more than True says of its answer."""
+    def _judged(self, solution: Solution, measure: float) -> Solution:
+        """What a form in numpy says of its answer beyond x."""
         return solution

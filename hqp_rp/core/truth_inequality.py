@@ -13,11 +13,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hqp_rp.core import _native
 from hqp_rp.core.certificate import certify
 from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.truth import SAME, Truth, truth
 from hqp_rp.core.truth_rows import guessed, levels_of
+
+_ANSWERED = (0, 1)  # positions in `Status` of an answer, verified or not
 
 
 def rule_answer(
@@ -67,20 +70,11 @@ def _guesses(
 
 
 def searched_in_double_precision(problem: Problem, secondary: FloatArray, tolerance: float) -> FloatArray | None:
-    """Where the compiled active-set search ends; None where it does not."""
-    from hqp_rp.core.kernels import active_set
-
+    """Where the native active-set search ends; None where it does not."""
     levels = levels_of(problem)
-    matrix = np.concatenate([level.A for level in levels])
-    lower = np.concatenate([level.lower for level in levels])
-    upper = np.concatenate([level.upper for level in levels])
-    offsets = np.cumsum([0, *(level.m for level in levels)])
-    x, rows = np.zeros(problem.n), len(matrix)
+    hard, rest = levels[0], levels[1:]
+    asked = Problem(rest, hard=hard if hard.m else None) if rest else Problem([hard])
+    x, rows = np.zeros(problem.n), asked.hard_rows + asked.rows
     side = np.zeros(rows, np.int64)
-    arguments = (matrix, lower, upper, offsets, levels[0].m, secondary, tolerance, 200 + 10 * rows, False)
-    try:
-        code, _ = active_set.hierarchical_active_set(*arguments, x, side)
-    except (ValueError, np.linalg.LinAlgError):  # its SVD meets an overflow that arose on the way
-        return None
-    solved = code in (active_set.SOLVED, active_set.DELICATE)
-    return x if solved and np.isfinite(x).all() else None
+    code, _ = _native.active_set(asked, secondary, tolerance, 200 + 10 * rows, False, x, side)
+    return x if code in _ANSWERED and np.isfinite(x).all() else None

@@ -7,10 +7,25 @@
 
 namespace hqp {
 
+// What an active-set search is given, and what it says beside its outcome; `inaccurate` asks for the answer to be verified.
+struct ActiveSetCall {
+  const Problem* problem = nullptr;
+  const double* z = nullptr;     // (unknowns,) what x should be near to; null means 0
+  double rank_tolerance = 1e-12;
+  int limit = 1000;              // working sets factored
+  bool least_violation = false;  // go on over the points that violate contradicting hard rows least
+  bool guessed = false;          // whether `side` says at which bound rows are thought to be active
+  double* x = nullptr;           // (unknowns,): where to start, then the answer
+  int* side = nullptr;           // (hard rows and rows,): -1, 0, +1; then the active bounds, or 1 for hard rows in conflict
+  int iterations = 0;
+  bool delicate = false;         // a pivot was so small that rounding may have decided which rows are active
+};
+
 struct Kernels {
   const char* instruction_set;
   Outcome (*null_space)(const Problem&, const double* z, double rank_tolerance, const Damping&, double* x, Workspace&);
   Outcome (*reverse_priority)(const Problem&, const double* z, double rank_tolerance, const Damping&, double* x, Workspace&);
+  Outcome (*active_set)(ActiveSetCall&, Workspace&);
   void (*null_space_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
   void (*reverse_priority_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
 };

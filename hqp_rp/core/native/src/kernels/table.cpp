@@ -11,6 +11,7 @@ const Kernels table{
     .instruction_set = HQP_TEXT(HQP_ISA),
     .null_space = call_null_space,
     .reverse_priority = call_reverse_priority,
+    .active_set = call_active_set,
     .null_space_batch = call_null_space_batch,
     .reverse_priority_batch = call_reverse_priority_batch,
 };

@@ -13,6 +13,8 @@ Outcome call_reverse_priority(const Problem&, const double*, double, const Dampi
 void call_null_space_batch(const Batch&, double, const Damping&, Workspace&);
 void call_reverse_priority_batch(const Batch&, double, const Damping&, Workspace&);
 
+Outcome call_active_set(ActiveSetCall&, Workspace&);
+
 // Calls with a width known to the compiler where rows fit one or two lanes.
 template <class Function>
 HQP_INLINE auto with_width(int n, Function function) {

@@ -1,0 +1,733 @@
+// Lexicographic least squares with two-sided rows at any level: an active set searched level by level.
+//
+// Level k minimizes the squared violation of its rows over the points that keep what earlier levels reached. Its working set holds kept
+// rows at their bounds (held, equalities of a step) and its own rows that count (equalities and violated rows, the least squares of a
+// step). Each step factors both afresh by orthogonal transformations. Rows that are then determined (equalities, violated rows, rows
+// held by a multiplier) leave for good together with the directions they determine; satisfied rows are kept as rows.
+//
+// The search of a level starts with a step to where all of its counted and held rows are at their bounds, as far as they are
+// independent: no multiplier then has to be known. Rows that this step would violate enter. Where the level cannot be met so, block
+// pivots follow: every row that the whole step would violate enters, every row whose multiplier has the wrong sign leaves, and nothing
+// moves until the working set allows it. Where that does not end, the primal search takes over from the last point that kept every
+// bound: it moves until a row blocks, one row at a time, and cannot cycle (Bland's rule).
+//
+// Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. The level-by-level search with fresh factorizations,
+// guess and block pivots is ours.
+#pragma once
+
+#include "hqp_rp/least_squares.hpp"
+#include "hqp_rp/working_set_guess.hpp"
+
+namespace hqp {
+inline namespace HQP_ISA {
+
+constexpr int reaches = 3;       // steps tried in a level to where all of its counted rows are met
+constexpr int block_pivots = 6;  // block pivots tried in a level before the primal search takes over
+
+template <class W>
+class ActiveSetSearch {
+ public:
+  ActiveSetSearch(const Problem& problem, double rank_tolerance, int limit, Workspace& workspace, W width)
+      : problem_(problem), width_(width), n_(problem.unknowns), p_(problem.levels + 1), tol_(rank_tolerance), limit_(limit),
+        depends_(rank_tolerance > tolerance::depends ? rank_tolerance : tolerance::depends), workspace_(workspace),
+        rows_(problem.hard_rows + problem.rows, problem.unknowns, width, workspace) {
+    const int M = rows_.M;
+    offsets_ = workspace.counts(p_ + 1);
+    offsets_[0] = 0;
+    int largest = 0;
+    for (int k = 0; k < p_; ++k) {
+      offsets_[k + 1] = problem.hard_rows + static_cast<int>(problem.offsets[k]);
+      largest = std::max(largest, offsets_[k + 1] - offsets_[k]);
+    }
+    const int size = std::max(n_ + largest + 1, M);
+    matrix_ = make_matrix(workspace, n_ + largest + 1, n_);
+    V_ = make_matrix(workspace, n_ + largest + 1, n_);
+    done_ = make_matrix(workspace, M + 1, n_);
+    turns_ = reinterpret_cast<Turn*>(workspace.numbers((p_ + 1) * (sizeof(Turn) / sizeof(double) + 1)));
+    pages_ = reinterpret_cast<Matrix*>(workspace.numbers((p_ + 1) * (sizeof(Matrix) / sizeof(double) + 1)));
+    for (int k = 0; k <= p_; ++k) pages_[k] = Matrix{};
+    first_ = workspace.counts(p_ + 2);
+    column_ = workspace.counts(p_ + 1);
+    held_ = workspace.counts(size);
+    counted_ = workspace.counts(size);
+    list_ = workspace.counts(size);
+    origin_ = workspace.numbers(size);
+    target_ = workspace.numbers(size + n_);
+    multiplier_ = workspace.numbers(size);
+    gradient_ = workspace.numbers(size);
+    work_ = workspace.numbers(size + n_);
+    lengths_ = workspace.numbers(2 * static_cast<std::size_t>(size) + n_);
+    point_ = workspace.numbers(width_);
+    step_ = workspace.numbers(width_);
+    move_ = workspace.numbers(width_);
+    next_ = workspace.numbers(width_);
+    goal_ = workspace.numbers(width_);
+    first_[0] = 0;
+  }
+
+  // x (n,): where to start, then the answer. side (hard rows and rows of levels): the bound at which a row is thought to be active,
+  // then the bounds at which rows are active; when infeasible, 1 for each hard row of the contradiction. The answer is then the point
+  // of least violation, and the levels are optimized over such points only with `go_on`. z (n,) or null: what x should be near to.
+  Outcome solve(const double* z, bool go_on, double* x, int* side, bool guessed) {
+    const Problem& p = problem_;
+    bool sound = true;
+    if (p.hard_rows)
+      sound = rows_.load(0, p.hard_rows, p.hard_matrix, p.hard_rows, p.hard_lower, p.hard_upper, guessed ? side : nullptr);
+    for (int k = 0; k < p.levels && sound; ++k) {
+      const std::int64_t r0 = p.offsets[k];
+      const int m = static_cast<int>(p.offsets[k + 1] - r0);
+      sound = rows_.load(p.hard_rows + static_cast<int>(r0), m, p.matrix + r0 * n_, p.rows - static_cast<int>(r0), p.lower + r0,
+                         p.upper + r0, guessed ? side : nullptr);
+    }
+    if (!sound) return Outcome::not_finite;
+    for (int j = 0; j < width_; ++j) {
+      point_[j] = j < n_ ? x[j] : 0.0;
+      goal_[j] = j < n_ && z ? z[j] : 0.0;
+    }
+    const Outcome outcome = search_levels(go_on);
+    for (int j = 0; j < n_; ++j) x[j] = point_[j];
+    for (int i = 0; i < rows_.M; ++i) side[i] = outcome == Outcome::infeasible ? rows_.conflict[i] : rows_.side[i];
+    if (outcome != Outcome::infeasible && outcome != Outcome::iteration_limit && !finite(x, n_)) return Outcome::not_finite;
+    return outcome;
+  }
+
+  int iterations = 0;
+  double smallest = infinite;       // pivot of a level's own rows
+  double smallest_held = infinite;  // pivot of held rows met on the way, of rows of length one
+
+ private:
+  using Rows = WorkingRows<W>;
+
+  // --- the freedom that finished levels left -------------------------------------------------------------------------------
+
+  double length(const double* v) const { return std::sqrt(square_from(v, 0, width_)); }
+
+  // move <- Z step: a step in the freedom that `levels` finished levels left, as a step of x.
+  void from_free(int levels) {
+    copy(move_, step_, width_);
+    for (int k = levels - 1; k >= 0; --k) {
+      if (turns_[k].r) turns_[k].back(move_, work_);
+      for (int t = first_[k + 1] - 1; t >= first_[k]; --t) reflect(move_, done_[t], column_[k] + t - first_[k], width_);
+    }
+  }
+  // The coordinates of a step of x: those of the freedom that finished levels left stand last.
+  void to_free(int levels, double* v) {
+    for (int k = 0; k < levels; ++k) {
+      for (int t = first_[k]; t < first_[k + 1]; ++t) reflect(v, done_[t], column_[k] + t - first_[k], width_);
+      if (turns_[k].r) turns_[k].forward(v, work_);
+    }
+  }
+  // T of the rows i0 ... i1 - 1 that are not fixed <- what `levels` finished levels make of R; rows alike go side by side.
+  void turn_rows(int i0, int i1, int levels) {
+    for (int i = i0; i < i1;) {
+      const int begun = rows_.turned[i];
+      if (begun == levels || rows_.state[i] == Rows::fixed) {
+        ++i;
+        continue;
+      }
+      int end = i + 1;
+      while (end < i1 && rows_.turned[end] == begun && rows_.state[end] != Rows::fixed) ++end;
+      for (int row = i; row < end; ++row) {
+        rows_.turned[row] = levels;
+        if (begun < 0) copy(rows_.T[row], rows_.R[row], width_);
+      }
+      for (int k = std::max(begun, 0); k < levels; ++k) {
+        reflect_rows_by_all(rows_.T, i, end, done_.below(first_[k]), first_[k + 1] - first_[k], column_[k], width_);
+        for (int row = i; row < end && turns_[k].r; ++row) turns_[k].forward(rows_.T[row], work_);
+      }
+      i = end;
+    }
+  }
+  // Remembers what level k turned: the first `reflectors` of V, which begin at column c0, and `turn`.
+  void keep_turns(int k, int reflectors, const Turn& turn, int c0) {
+    for (int t = 0; t < reflectors; ++t) copy(done_[first_[k] + t], V_[t], width_);
+    first_[k + 1] = first_[k] + reflectors;
+    column_[k] = c0;
+    turns_[k] = turn;
+  }
+
+  // --- factorizations ------------------------------------------------------------------------------------------------------
+
+  void gather_held(int levels, int count, int top) {
+    for (int i = 0; i < count; ++i) {
+      const int row = held_[i];
+      if (rows_.turned[row] != levels) turn_rows(row, row + 1, levels);
+      copy(matrix_[top + i], rows_.T[row], width_);
+      if (rows_.norm[row] > 0.0) scale_row(matrix_[top + i], 1.0 / rows_.norm[row], width_);
+      origin_[top + i] = top + i;
+    }
+  }
+  void gather_counted(const int* list, int count, int top) {
+    for (int i = 0; i < count; ++i) {
+      copy(matrix_[top + i], rows_.T[list[i]], width_);
+      origin_[top + i] = top + i;
+    }
+  }
+  int list_counted(int r0, int r1) {
+    int count = 0;
+    for (int i = r0; i < r1; ++i)
+      if (rows_.working[i]) counted_[count++] = i;
+    return count;
+  }
+  // LQ of rows i0 ... i1 - 1 of the matrix from column c on; rows up to `end` are turned too. Reflectors from V[t0] on.
+  int factor(int i0, int i1, int c, int end, double floor, int t0) {
+    const int r = lq(matrix_, i0, i1, c, n_, origin_, floor, V_.below(t0), lengths_, width_);
+    if (end > i1) reflect_rows_by_all(matrix_, i1, end, V_.below(t0), r, c, width_);
+    return r;
+  }
+  Factored factor_own(int r0, int r1, int top, int count, int end, int c, int t0) {
+    const double norm = rows_.level_norm(r0, r1);
+    Factored f = factor_level(matrix_, top, top + count, c, n_, origin_, norm, tol_, V_.below(t0), lengths_, width_);
+    if (end > top + count) reflect_rows_by_all(matrix_, top + count, end, V_.below(t0), f.reflectors, c, width_);
+    return f;
+  }
+  // step[c ... c + rank - 1] <- the least-squares answer of the factored rows to `target`, the rank by the library's rule.
+  int answer_level(int k, int r0, int r1, int top, int count, int c, const Factored& f, Turn& turn, double* pivot) {
+    turn.r = 0;
+    *pivot = f.smallest;
+    if (f.reflectors == 0) return 0;
+    const int r = f.reflectors;
+    if (f.proven) {
+      level_least_squares(matrix_, top, count, c, r, target_, workspace_);
+      for (int i = 0; i < r; ++i) step_[c + i] = target_[i];
+      return r;
+    }
+    if (!pages_[k].data) pages_[k] = make_matrix(workspace_, n_, n_);
+    turn.V = pages_[k];
+    const double zero = tol_ * spectral(rows_.R[r0], r1 - r0, n_, rows_.R.stride, workspace_);
+    const Decided d = decide_level(matrix_, top, count, c, r, n_ - c, zero, target_, Damping{}, turn, work_, workspace_);
+    for (int i = 0; i < d.rank; ++i) step_[c + i] = work_[i];
+    *pivot = d.smallest;
+    return d.rank;
+  }
+  void turn_back(double* v, int count, int c0) {
+    for (int t = count - 1; t >= 0; --t) reflect(v, V_[t], c0 + t, width_);
+  }
+
+  // --- steps ---------------------------------------------------------------------------------------------------------------
+
+  struct Reached {
+    bool independent;
+    double sought;  // what the step is after, as a length
+    double pivot;
+  };
+  // step <- the way to where all of the counted and held rows are at their bounds; counted ones, factored first, stay factored.
+  Reached reach_level(int k, int r0, int r1, int nW, int nB, int c0, double size) {
+    if (nB + nW > n_ - c0) return {false, 0.0, 0.0};
+    gather_counted(counted_, nB, 0);
+    gather_held(k, nW, nB);
+    const Factored f = factor_own(r0, r1, 0, nB, nB + nW, c0, 0);
+    if (f.reflectors < nB || !f.proven) return {false, 0.0, 0.0};
+    if (nW && factor(nB, nB + nW, c0 + nB, nB + nW, tolerance::apart, nB) < nW) return {false, 0.0, 0.0};
+    fill(step_, 0.0, width_);
+    double sought = 0.0;
+    for (int i = 0; i < nB + nW; ++i) {
+      double s = 0.0;
+      if (i < nB) {
+        const int own = counted_[static_cast<int>(origin_[i])];
+        s = rows_.bound(own) - rows_.value[own];
+        sought = std::max(sought, std::fabs(s));
+      } else {
+        const int row = held_[static_cast<int>(origin_[i]) - nB];
+        s = -rows_.residual(row, size) / rows_.norm[row];
+      }
+      const double* l = matrix_[i] + c0;
+      for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
+      step_[c0 + i] = s / l[i];
+    }
+    turn_back(step_, nB + nW, c0);
+    return {true, sought, f.smallest};
+  }
+  // Gathers held and counted rows and factors the held ones; those that depend on others of them leave. Returns how many remain.
+  int factor_held(int k, int nW, int nB, int c0) {
+    gather_held(k, nW, 0);
+    gather_counted(counted_, nB, nW);
+    if (nW == 0) return 0;
+    const int r = factor(0, nW, c0, nW + nB, depends_, 0);
+    for (int i = 0; i < r; ++i) smallest_held = std::min(smallest_held, std::fabs(matrix_[i][c0 + i]));
+    if (r < nW) {
+      smallest_held = 0.0;
+      for (int i = r; i < nW; ++i) rows_.release(held_[static_cast<int>(origin_[i])]);
+      for (int i = 0; i < r; ++i) list_[i] = held_[static_cast<int>(origin_[i])];
+      for (int i = 0; i < r; ++i) {
+        held_[i] = list_[i];
+        origin_[i] = i;
+      }
+    }
+    return r;
+  }
+  void toward_goal(int levels, double* v) {
+    copy(v, goal_, width_);
+    add_multiple(v, point_, -1.0, 0, width_);
+    to_free(levels, v);
+  }
+  struct Minimized {
+    int reflectors = 0, rank = 0;
+    double sought = 0.0, pivot = infinite;
+  };
+  // step <- the way to the minimizer over the working set, from the factored held rows; factors the counted ones (at `top`).
+  //
+  // In the `last` level, what is minimized is ||x - goal||; `gradient` then is its gradient along the held rows.
+  Minimized step_to_minimizer(int k, int r0, int r1, bool last, int top, int nW, int nB, int c0, double size, Turn& turn) {
+    Minimized found;
+    turn.r = 0;
+    if (last) {
+      toward_goal(k, step_);
+      for (int j = 0; j < c0; ++j) step_[j] = 0.0;
+      for (int j = c0; j < n_; ++j) found.sought += std::fabs(step_[j]);
+      for (int t = 0; t < nW; ++t) reflect(step_, V_[t], c0 + t, width_);
+      for (int j = 0; j < nW; ++j) gradient_[j] = -step_[c0 + j];
+    } else {
+      fill(step_, 0.0, width_);
+    }
+    for (int i = 0; i < nW; ++i) {  // held rows go (back) to their bounds
+      const int row = held_[static_cast<int>(origin_[i])];
+      double s = -rows_.residual(row, size) / rows_.norm[row];
+      const double* l = matrix_[i] + c0;
+      for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
+      step_[c0 + i] = s / l[i];
+      if (last) gradient_[i] += step_[c0 + i];
+    }
+    if (nB) {
+      const Factored f = factor_own(r0, r1, top, nB, top + nB, c0 + nW, nW);
+      for (int i = 0; i < nB; ++i) {
+        const int own = counted_[static_cast<int>(origin_[top + i]) - top];
+        double s = rows_.bound(own) - rows_.value[own];
+        found.sought = std::max(found.sought, std::fabs(s));
+        for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
+        target_[i] = s;
+      }
+      found.reflectors = f.reflectors;
+      found.rank = answer_level(k, r0, r1, top, nB, c0 + nW, f, turn, &found.pivot);
+      if (turn.r) {
+        for (int j = found.rank; j < turn.r; ++j) step_[c0 + nW + j] = 0.0;
+        turn.back(step_, work_);
+      }
+    }
+    turn_back(step_, nW + found.reflectors, c0);
+    return found;
+  }
+  // next <- x + move; its length.
+  double try_next() {
+    copy(next_, point_, width_);
+    add_multiple(next_, move_, 1.0, 0, width_);
+    return length(next_);
+  }
+  bool move_to_next(double size) {
+    copy(point_, next_, width_);
+    return size < infinite || finite(point_, n_);
+  }
+  // Whether x has become so much shorter that the rows' values would carry the rounding error of where it was: they are then computed
+  // anew, and the level is not done before a step from there.
+  bool came_from_afar(int end, double begun, double now) {
+    if (!(begun > tolerance::afar * now)) return false;
+    rows_.set_values(point_, 0, end);
+    return true;
+  }
+
+  // --- working sets --------------------------------------------------------------------------------------------------------
+
+  // Rows to start a level with: equalities, what is violated and, beside such rows, what is guessed. False when none counts.
+  bool enter_level(int r0, int r1, double size) {
+    bool counts = false;
+    for (int i = r0; i < r1; ++i) {
+      if (rows_.equality(i)) {
+        rows_.activate(i, 1);
+        counts = true;
+      } else if (rows_.beyond(i, size)) {
+        counts = true;
+      }
+    }
+    if (!counts) return false;
+    for (int i = r0; i < r1; ++i) {
+      if (rows_.equality(i)) continue;
+      if (rows_.value[i] > rows_.up[i] || (rows_.guess[i] > 0 && rows_.up[i] < infinite))
+        rows_.activate(i, 1);
+      else if (rows_.value[i] < rows_.low[i] || (rows_.guess[i] < 0 && rows_.low[i] > -infinite))
+        rows_.activate(i, -1);
+    }
+    return true;
+  }
+  int enter_guessed(int r0, int nW, int most) {
+    for (int i = 0; i < r0; ++i) {
+      const int guess = rows_.guess[i];
+      if (!guess || rows_.state[i] != Rows::kept || rows_.working[i] || nW >= most) continue;
+      if (std::fabs(guess > 0 ? rows_.up[i] : rows_.low[i]) < infinite) {
+        rows_.activate(i, guess);
+        held_[nW++] = i;
+      }
+    }
+    return nW;
+  }
+  // The working set of the point where the search stands: rows of the level that it violates, of held rows those at their bounds.
+  int start_from_values(int r0, int r1, int nW, double size) {
+    for (int i = r0; i < r1; ++i) {
+      if (rows_.equality(i) || rows_.value[i] > rows_.up[i])
+        rows_.activate(i, 1);
+      else if (rows_.value[i] < rows_.low[i])
+        rows_.activate(i, -1);
+      else
+        rows_.release(i);
+    }
+    for (int i = 0; i < nW; ++i)
+      if (rows_.residual(held_[i], size) != 0.0) rows_.release(held_[i]);
+    return rows_.compress(held_, nW);
+  }
+  // Multipliers of held rows from L^T multiplier = -gradient; returns the largest residual, or in the last level ||gradient||.
+  double multipliers(int top, int nW, int nB, int c0, bool last, double size) {
+    double residual = 0.0;
+    for (int i = 0; i < nB; ++i) residual = std::max(residual, std::fabs(rows_.residual(counted_[i], size)));
+    for (int i = 0; i < nW; ++i) multiplier_[i] = 0.0;
+    if (last) {
+      residual = 0.0;
+      for (int i = 0; i < nW; ++i) residual += gradient_[i] * gradient_[i];
+      residual = std::sqrt(residual);
+    }
+    if (nW == 0 || residual == 0.0) return residual;
+    if (!last) {
+      for (int j = 0; j < nW; ++j) gradient_[j] = 0.0;
+      for (int i = 0; i < nB; ++i) {
+        const double w = rows_.residual(counted_[static_cast<int>(origin_[top + i]) - top], size);
+        for (int j = 0; j < nW; ++j) gradient_[j] += w * matrix_[top + i][c0 + j];
+      }
+    }
+    for (int i = nW - 1; i >= 0; --i) {
+      double s = -gradient_[i];
+      for (int j = i + 1; j < nW; ++j) s -= matrix_[j][c0 + i] * multiplier_[static_cast<int>(origin_[j])];
+      multiplier_[static_cast<int>(origin_[i])] = s / matrix_[i][c0 + i];
+    }
+    return residual;
+  }
+  // How far inside its bounds a counted row of the level is, > 0 when it should not count.
+  double wrong_of_level(int row, double size) const {
+    return rows_.equality(row) ? 0.0 : -rows_.residual(row, size) * rows_.side[row];
+  }
+  double wrong_of_held(int i, double floor) const {
+    const double wrong = -multiplier_[i] * rows_.side[held_[i]];
+    return wrong > floor ? wrong : 0.0;
+  }
+  // Releases a row, or turns it to its other bound when a step carried it across a narrow band.
+  void leave(int row) {
+    if (rows_.state[row] != Rows::kept && rows_.value[row] < rows_.low[row])
+      rows_.side[row] = -1;
+    else if (rows_.state[row] != Rows::kept && rows_.value[row] > rows_.up[row])
+      rows_.side[row] = 1;
+    else
+      rows_.release(row);
+  }
+  double floor_of(double residual, double size) const {
+    return tolerance::multiplier_rounding * std::max(residual, tolerance::eps * size);
+  }
+  // The row whose multiplier is most wrong, by Bland's rule the first such row; -1 at the optimum.
+  int row_to_leave(int nW, int nB, double residual, double size, bool bland) const {
+    int worst = -1;
+    double largest = 0.0;
+    const auto consider = [&](int row, double wrong) {
+      if (wrong > 0.0 && (worst < 0 || (bland ? row < worst : wrong > largest))) largest = wrong, worst = row;
+    };
+    for (int i = 0; i < nB; ++i) consider(counted_[i], wrong_of_level(counted_[i], size));
+    if (residual > 0.0)
+      for (int i = 0; i < nW; ++i) consider(held_[i], wrong_of_held(i, floor_of(residual, size)));
+    return worst;
+  }
+  struct Crossed {
+    int nW;
+    int rows;  // that entered or wanted to
+  };
+  // Every row that the step's end violates enters.
+  Crossed enter_crossed(int end, int r0, int nW, int most, double size, double span) {
+    int crossed = 0;
+    for (int i = 0; i < end; ++i) {
+      const bool own = i >= r0;
+      if (rows_.working[i] || !rows_.takes_part(i, r0) || !rows_.beyond(i, size)) continue;
+      if (!own && std::fabs(rows_.change[i]) <= 2.0 * depends_ * rows_.norm[i] * span) continue;  // it depends on held rows
+      ++crossed;
+      if (!own && nW >= most) continue;
+      rows_.activate(i, rows_.value[i] > rows_.up[i] ? 1 : -1);
+      if (!own) held_[nW++] = i;
+    }
+    return {nW, crossed};
+  }
+  // Held rows become the guessed ones.
+  int enter_guess(int k, int r0, int r1, bool last, int nW, int c0) {
+    turn_rows(0, r0, k);
+    if (last) toward_goal(k, next_);
+    guess_working_set(rows_, r0, r1, c0, n_ - c0, next_, workspace_);
+    for (int i = 0; i < nW; ++i) rows_.release(held_[i]);
+    int count = 0;
+    for (int i = 0; i < r0; ++i) {
+      if (!rows_.guess[i] || rows_.state[i] != Rows::kept || count >= n_ - c0) continue;
+      rows_.activate(i, rows_.guess[i]);
+      held_[count++] = i;
+    }
+    return count;
+  }
+
+  // --- levels --------------------------------------------------------------------------------------------------------------
+
+  struct Met {
+    bool met, sound;
+    int nW, nB;
+    double pivot, size;
+  };
+  // Steps to where all counted and held rows are at their bounds, and lets rows that this would violate enter.
+  Met meet_level(int k, int r0, int r1, int nW, int c0) {
+    int nB = list_counted(r0, r1);
+    for (int tried = 0; tried < reaches && iterations < limit_; ++tried) {
+      const double begun = length(point_);
+      const Reached reached = reach_level(k, r0, r1, nW, nB, c0, begun);
+      if (!reached.independent) break;
+      ++iterations;
+      from_free(k);
+      const double span = length(step_);
+      if (!(span > tolerance::step_rounding * (begun + reached.sought)))
+        return {true, true, nW, nB, reached.pivot, begun + reached.sought};
+      const int outside = rows_.try_step(move_, r1, r0);
+      const double now = try_next();
+      const double size = now + reached.sought;
+      bool missed = false;
+      for (int i = 0; i < nB && !missed; ++i) missed = rows_.residual(counted_[i], size) != 0.0;
+      Crossed crossed{nW, 0};
+      if (!missed && outside) crossed = enter_crossed(r1, r0, nW, n_ - c0, size, span);
+      nW = crossed.nW;
+      if (!missed && crossed.rows == 0) {
+        const bool sound = move_to_next(now);
+        if (!came_from_afar(r1, begun, now)) return {true, sound, nW, nB, reached.pivot, size};
+        continue;
+      }
+      rows_.set_length(r1, r0, 0.0);
+      if (missed) break;
+      nB = list_counted(r0, r1);
+    }
+    return {false, true, nW, nB, 0.0, 0.0};
+  }
+
+  struct Searched {
+    Outcome outcome;
+    int nW, factored, nB;  // held rows, those of them in the last factorization, counted rows
+    int reflectors, rank;  // of the counted rows
+    double residual, pivot, size;
+    Turn turn;
+  };
+  // Minimizes level k; `pivoted` when the held rows are not those of the start any more.
+  Searched search_level(int k, int r0, int r1, bool last, int nW, int c0, bool pivoted) {
+    const int end = r1;
+    const int most = n_ - c0;
+    int blocks = block_pivots;
+    int idle = 0;
+    bool guess = true;
+    for (int i = r0; i < r1; ++i) guess = guess && rows_.equality(i);
+    for (;;) {
+      const bool bland = idle > n_;
+      if (++iterations > limit_) return {Outcome::iteration_limit, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+      if (pivoted && guess) {
+        guess = false;
+        nW = enter_guess(k, r0, r1, last, nW, c0);
+      }
+      const int nB = list_counted(r0, r1);
+      const int top = nW;
+      nW = factor_held(k, nW, nB, c0);
+      const double begun = length(point_);
+      Turn turn;
+      const Minimized m = step_to_minimizer(k, r0, r1, last, top, nW, nB, c0, begun, turn);
+      double size = begun + m.sought;  // the rounding error of what the step is after counts like that of x
+      from_free(k);
+      const double span = length(step_);
+      const bool moves = span > tolerance::step_rounding * size;
+      if (moves)
+        rows_.try_step(move_, end, r0);
+      else
+        rows_.stay(end, r0);
+      if (blocks > 0) {
+        --blocks;
+        const double now = moves ? try_next() : begun;
+        size = now + m.sought;
+        const double residual = multipliers(top, nW, nB, c0, last, size);
+        const int before = nW;
+        int left = 0;
+        for (int i = 0; i < nB; ++i)
+          if (wrong_of_level(counted_[i], size) > 0.0) {
+            leave(counted_[i]);
+            ++left;
+          }
+        if (residual > 0.0)
+          for (int i = 0; i < before; ++i)
+            if (wrong_of_held(i, floor_of(residual, size)) > 0.0) {
+              rows_.release(held_[i]);
+              ++left;
+            }
+        // `multiplier` stays in the order of the factorization: only where nothing left is it read again.
+        int count = left ? rows_.compress(held_, before) : before;
+        const Crossed crossed = enter_crossed(end, r0, count, most, size, span);
+        nW = crossed.nW;
+        if (crossed.rows == 0) {
+          if (moves && !move_to_next(now)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+          if (left == 0 && !(moves && came_from_afar(end, begun, now)))
+            return {Outcome::solved, nW, before, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
+        } else {
+          rows_.set_length(end, r0, 0.0);
+        }
+        pivoted = true;
+        if (blocks == 0) nW = start_from_values(r0, r1, nW, length(point_));
+        continue;
+      }
+      typename Rows::Block block{1.0, -1, 0};
+      if (moves) {
+        block = rows_.first_to_block(end, r0, span, bland ? tolerance::bland_slack * size : 0.0, depends_);
+        rows_.set_length(end, r0, block.length);
+        add_multiple(point_, move_, block.length, 0, width_);
+        if (!finite(point_, n_)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+      }
+      size = length(point_) + m.sought;
+      idle = block.length * span <= tolerance::idle * size ? idle + 1 : 0;
+      if (block.row >= 0) {
+        rows_.activate(block.row, block.side);
+        if (rows_.state[block.row] == Rows::kept) held_[nW++] = block.row;
+        continue;
+      }
+      const double residual = multipliers(top, nW, nB, c0, last, size);
+      const int worst = row_to_leave(nW, nB, residual, size, idle > n_);
+      if (worst < 0) return {Outcome::solved, nW, nW, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
+      leave(worst);
+      nW = rows_.compress(held_, nW);
+    }
+  }
+
+  struct Settled {
+    int nW, held, count;  // held rows that remain, held rows determined, rows determined
+    int contradicting;    // hard rows
+  };
+  // Sorts the rows of a finished level into those it determined (held rows with a multiplier first; listed in `counted`) and kept ones.
+  Settled settle(int r0, int r1, int nW, double residual, double size) {
+    int count = 0;
+    if (residual > 0.0) {
+      int still = 0;
+      for (int i = 0; i < nW; ++i) {
+        const int row = held_[i];
+        if (multiplier_[i] * rows_.side[row] > tolerance::multiplier_rounding * residual) {
+          rows_.state[row] = Rows::fixed;
+          counted_[count++] = row;
+        } else {
+          held_[still++] = row;
+        }
+      }
+      nW = still;
+    }
+    const int held = count;
+    int contradicting = 0;
+    for (int i = r0; i < r1; ++i) {
+      const bool working = rows_.working[i] != 0;
+      const bool equality = rows_.equality(i);
+      const bool hard = i < problem_.hard_rows;
+      const double w = working && (hard || !equality) ? rows_.residual(i, size) : 0.0;
+      if (working && (equality || w != 0.0)) {
+        rows_.state[i] = Rows::fixed;
+        counted_[count++] = i;
+      } else {
+        rows_.state[i] = Rows::kept;
+        rows_.low[i] = std::min(rows_.low[i], rows_.value[i]);
+        rows_.up[i] = std::max(rows_.up[i], rows_.value[i]);
+        if (working && nW < n_)
+          held_[nW++] = i;
+        else if (working)
+          rows_.release(i);
+      }
+      if (w != 0.0 && hard) {
+        rows_.conflict[i] = 1;
+        if (std::fabs(w) > tolerance::contradiction * (rows_.norm[i] * (size + 1.0) + std::fabs(rows_.bound(i)))) ++contradicting;
+      }
+    }
+    return {nW, held, count, contradicting};
+  }
+
+  Outcome search_levels(bool go_on) {
+    int contradicting = 0;
+    int nW = 0, c0 = 0;
+    double size = length(point_);
+    for (int k = 0; k <= p_; ++k) {
+      const bool last = k == p_;
+      const int r0 = last ? rows_.M : offsets_[k], r1 = last ? rows_.M : offsets_[k + 1];
+      if (c0 == n_) break;
+      rows_.set_values(point_, r0, r1);
+      if (!enter_level(r0, r1, size) && !last) {  // met where the search stands
+        settle(r0, r1, nW, 0.0, size);
+        keep_turns(k, 0, Turn{}, c0);
+        continue;
+      }
+      turn_rows(r0, r1, k);
+      const int started = nW;
+      nW = enter_guessed(r0, nW, n_ - c0);
+      Searched s{Outcome::solved, nW, 0, 0, 0, 0, 0.0, infinite, size, {}};
+      Met met{false, true, nW, 0, 0.0, 0.0};
+      if (!last) met = meet_level(k, r0, r1, nW, c0);
+      if (!met.sound) return Outcome::not_finite;
+      if (met.met)
+        s = {Outcome::solved, met.nW, 0, met.nB, met.nB, met.nB, 0.0, met.pivot, met.size, {}};
+      else
+        s = search_level(k, r0, r1, last, met.nW, c0, met.nW > started);
+      if (s.outcome != Outcome::solved) return s.outcome;
+      nW = s.nW;
+      if (last) break;
+      size = s.size;
+      smallest = std::min(smallest, s.pivot);
+      const Settled settled = settle(r0, r1, nW, s.residual, size);
+      nW = settled.nW;
+      contradicting += settled.contradicting;
+      if (contradicting && !go_on) return Outcome::infeasible;
+      if (settled.count == 0) {
+        s.factored = s.reflectors = s.rank = 0;
+        s.turn.r = 0;
+      } else if (settled.held < s.factored || settled.count - settled.held < s.nB) {
+        factor_determined(k, r0, r1, settled, c0, s);  // not the set of the last factorization
+      }
+      c0 += s.factored + s.rank;
+      if (c0 < n_) keep_turns(k, s.factored + s.reflectors, s.turn, c0 - s.factored - s.rank);
+    }
+    if (contradicting) return Outcome::infeasible;
+    for (int i = 0; i < problem_.hard_rows; ++i)
+      if (rows_.conflict[i]) smallest = 0.0;  // by so little that it is no proof
+    return smallest < tolerance::delicate ? Outcome::inaccurate : Outcome::solved;
+  }
+
+  // Factors what a level determined, where that is not the working set of its last step: held rows, then its own.
+  void factor_determined(int k, int r0, int r1, const Settled& settled, int c0, Searched& s) {
+    gather_counted(counted_, settled.count, 0);
+    for (int i = 0; i < settled.held; ++i) {
+      const double norm = rows_.norm[counted_[i]];
+      if (norm > 0.0) scale_row(matrix_[i], 1.0 / norm, width_);
+    }
+    for (int i = 0; i < settled.count; ++i) target_[i] = 0.0;
+    s.factored = factor(0, settled.held, c0, settled.count, depends_, 0);
+    const int own = settled.count - settled.held;
+    const Factored f = factor_own(r0, r1, settled.held, own, settled.count, c0 + s.factored, s.factored);
+    s.reflectors = f.reflectors;
+    double pivot = 0.0;
+    s.rank = answer_level(k, r0, r1, settled.held, own, c0 + s.factored, f, s.turn, &pivot);
+  }
+
+  const Problem& problem_;
+  const W width_;
+  const int n_, p_;  // p: levels, the hard rows among them
+  const double tol_;
+  const int limit_;
+  const double depends_;
+  Workspace& workspace_;
+  Rows rows_;
+  int* offsets_;
+  Matrix matrix_;     // held rows and counted rows of a step, factored
+  Matrix V_;          // their reflectors, one for each column from the level's first on
+  Matrix done_;       // reflectors of finished levels: first[k] ... first[k + 1] - 1, the first at column[k]
+  Matrix* pages_;     // of each level, room for its singular vectors, once they were needed
+  Turn* turns_;       // what singular values turned after them
+  int *first_, *column_;
+  int *held_, *counted_, *list_;
+  double* origin_;    // which listed row stands where after the factorization's swaps
+  double* target_;
+  double* multiplier_;
+  double* gradient_;
+  double *work_, *lengths_;
+  double *point_, *step_, *move_, *next_, *goal_;
+};
+
+}  // namespace HQP_ISA
+}  // namespace hqp
