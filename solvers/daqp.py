@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar
+import threading
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.errors import SettingError
@@ -13,7 +15,7 @@ from hqp_rp.core.problem import FloatArray, Problem, Stacked
 from hqp_rp.core.qp_backend import check_positive
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
-from hqp_rp.core.verify import contradiction, fault_of
+from hqp_rp.core.verify import breaks_hard_rows, contradiction, fault_of
 
 _EQUALITY = 5  # DAQP's flag of a row whose bounds coincide
 _SHORTEST = 1e-4  # rows shorter than this part of their level's longest weigh as this
@@ -30,47 +32,57 @@ _SAYS = {
 }
 
 
-class _Room:
-    """Arrays for problems of one shape: the problem with its hard rows on top, what DAQP is given, and DAQP's workspace."""
+class Rows(NamedTuple):
+    """What DAQP is given: rows (M, n) of length one, bounds of rows (x - zeta), softness and sense of each row."""
 
-    def __init__(self, rows: int, n: int, offsets: Any) -> None:
-        from hqp_rp.core.kernels import normalise
-
-        self.kernels = normalise
-        self.stacked = Stacked(np.empty((rows, n)), np.empty(rows), np.empty(rows), offsets)
-        self.rows = np.empty((rows, n))
-        self.low, self.up, self.softness = np.empty(rows), np.empty(rows), np.empty(rows)
-        self.sense = np.empty(rows, np.int32)
-        self.model: Any = None
-        self.no_hard = np.zeros((0, n)), np.zeros(0), np.zeros(0)
-        for array in self.no_hard:  # kernels are compiled for hard rows, which are read-only
-            array.flags.writeable = False
-
-    def fill(self, problem: Problem) -> None:
-        """Take up a problem of this shape."""
-        hard = problem.hard
-        top = self.no_hard if hard is None else (hard.A, hard.lower, hard.upper)
-        self.kernels.stack_rows(*top, *problem.stacked[:3], *self.stacked[:3])
+    rows: FloatArray
+    low: FloatArray
+    up: FloatArray
+    softness: FloatArray
+    sense: NDArray[np.int32]
 
 
-class _Rooms:
-    """Rooms by problem shape; a copy or a pickle of it is empty."""
+def unit_rows(stacked: Stacked, zeta: FloatArray, rho: float) -> Rows | None:
+    """Rows of length one with the softness that undoes it; None where a number overflows.
+
+    softness_i = rho * (longest row of the level / length of row i)^2, so that sum_i v_i^2 / softness_i of the normalised
+    violations is the level's own sum of squares over (rho * longest^2). A row is never softer than rho / 1e-8. A row of
+    zeros stays one, without bounds.
+    """
+    A, lower, upper, offsets = stacked
+    with np.errstate(all="ignore"):
+        big = np.abs(A).max(axis=1, initial=0.0)
+        lengths = big * np.linalg.norm(A / np.where(big > 0.0, big, 1.0)[:, None], axis=1)
+        safe = np.where(lengths > 0.0, lengths, 1.0)
+        rows = np.ascontiguousarray(A / safe[:, None])
+        shift = rows @ zeta
+        low, up = lower / safe - shift, upper / safe - shift
+        equality = (lower == upper) & (lengths > 0.0)
+        up = np.where(equality, low, up)
+        low, up = np.where(lengths > 0.0, low, -np.inf), np.where(lengths > 0.0, up, np.inf)
+        softness = np.full(len(A), rho)
+        for start, end in zip(offsets[:-1], offsets[1:], strict=True):
+            longest = lengths[start:end].max(initial=0.0)
+            if longest > 0.0:
+                softness[start:end] = rho / np.maximum(lengths[start:end] / longest, _SHORTEST) ** 2
+    sound = np.isfinite(rows).all() and not (np.isnan(low) | np.isnan(up) | (low == np.inf) | (up == -np.inf)).any()
+    return Rows(rows, low, up, softness, np.where(equality, _EQUALITY, 0).astype(np.int32)) if sound else None
+
+
+class _Models(threading.local):
+    """DAQP's models by problem shape, those of each thread apart; a copy or a pickle of it is empty."""
 
     def __init__(self) -> None:
-        self.kept: dict[tuple[Any, ...], _Room] = {}
+        self.kept: dict[tuple[Any, ...], Any] = {}
 
-    def room(self, problem: Problem) -> _Room:
-        """The room of the problems that have the shape of `problem`."""
-        hard = 0 if problem.hard is None else problem.hard.m
-        key = (problem.n, hard, problem.offsets.tobytes())
-        found = self.kept.get(key)
-        if found is None:
-            offsets = np.concatenate(([0], problem.offsets + hard))
-            found = self.kept[key] = _Room(hard + len(problem.matrix), problem.n, offsets)
-        return found
+    def __copy__(self) -> _Models:
+        return _Models()
+
+    def __deepcopy__(self, memo: Any) -> _Models:
+        return _Models()
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_Rooms, ())
+        return (_Models, ())
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -97,8 +109,8 @@ class Daqp(Solver):
         second_try: solve once more where an answer was not verified: with rho / 100 (near a singularity), or, where DAQP
             gave no answer (hard rows that barely meet), with 10 rho and 10 primal_tol.
 
-    A kept instance reuses DAQP's workspace for problems of one shape, but starts every solve from an empty working set; it
-    must not be shared between threads.
+    A kept instance reuses DAQP's workspace for problems of one shape, but starts every solve from an empty working set.
+    Threads may share it.
 
     Source: Arnström, Bemporad and Axehill 2022; the hierarchical mode is documented by DAQP itself.
     """
@@ -108,7 +120,7 @@ class Daqp(Solver):
     primal_tol: float = 1e-9
     max_iterations: int = 10_000
     second_try: bool = True
-    _rooms: _Rooms = dataclasses.field(default_factory=_Rooms, init=False, repr=False, compare=False)
+    _models: _Models = dataclasses.field(default_factory=_Models, init=False, repr=False, compare=False)
 
     name: ClassVar[str] = "daqp"
     summary: ClassVar[str] = "DAQP's hierarchical mode, every answer verified"
@@ -136,7 +148,7 @@ class Daqp(Solver):
 
     def reset(self) -> None:
         """Drop DAQP's workspaces."""
-        self._rooms.kept.clear()
+        self._models.kept.clear()
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
@@ -150,22 +162,20 @@ class Daqp(Solver):
         return solution
 
     def _solve(self, problem: Problem, secondary: FloatArray | None) -> Solution:
-        room = self._rooms.room(problem)
-        room.fill(problem)
-        stacked = room.stacked
-        x, flag, iterations = self._run(room, secondary)
+        stacked = problem.with_hard
+        x, flag, iterations = self._run(stacked, secondary)
         if flag == 0 or (flag in _ANSWERED and not np.isfinite(x).all()):
             return Solution(problem, None, Status.NOT_FINITE, iterations, "The rows or bounds overflow.", secondary)
         if flag in _ANSWERED:
-            return self._verified(problem, stacked, x, secondary, iterations)
+            return self._verified(problem, x, secondary, iterations)
         return self._without_answer(problem, stacked, secondary, flag, iterations)
 
-    def _verified(
-        self, problem: Problem, stacked: Stacked, x: FloatArray, secondary: FloatArray | None, iterations: int
-    ) -> Solution:
-        fault = fault_of(problem, x, secondary, self.accept, stacked=stacked)
-        if fault and problem.hard is not None and (conflict := contradiction(problem.hard, x)):
-            return Solution(problem, None, Status.INFEASIBLE, iterations, conflict, secondary)
+    def _verified(self, problem: Problem, x: FloatArray, secondary: FloatArray | None, iterations: int) -> Solution:
+        fault = fault_of(problem, x, secondary, self.accept)
+        if fault and problem.hard is not None and breaks_hard_rows(problem, x, self.accept):
+            conflict = contradiction(problem.hard, x)
+            status = Status.INFEASIBLE if conflict else Status.INACCURATE
+            return Solution(problem, None, status, iterations, conflict or fault, secondary)
         solution = Solution(problem, x, Status.INACCURATE if fault else Status.SOLVED, iterations, fault, secondary)
         solution.held = self.accept
         return solution
@@ -176,48 +186,49 @@ class Daqp(Solver):
         if flag == _LIMIT:
             message = f"DAQP reached max_iterations = {self.max_iterations}; raise it."
             return Solution(problem, None, Status.ITERATION_LIMIT, iterations, message, secondary)
-        hard = int(stacked.offsets[1])
-        if hard and problem.hard is not None:
+        if problem.hard is not None and problem.hard_rows:
             # Once more with the hard rows as the first level: the least violation proves or disproves a contradiction.
-            softened = _Room(len(stacked.matrix), problem.n, np.concatenate(([0], stacked.offsets)))
-            softened.stacked = stacked._replace(offsets=softened.stacked.offsets)
+            softened = stacked._replace(offsets=np.concatenate(([0], stacked.offsets)))
             x, again, more = self._run(softened, secondary)
             iterations += more
             if again in _ANSWERED and np.isfinite(x).all():
-                return self._verified(problem, stacked, x, secondary, iterations)
+                return self._verified(problem, x, secondary, iterations)
+            if conflict := contradiction(problem.hard, zeros(problem.n)):
+                return Solution(problem, None, Status.INFEASIBLE, iterations, conflict, secondary)
         message = f"DAQP ended without an answer (exit flag {flag}: {_SAYS.get(flag, 'see its documentation')})."
         return Solution(problem, None, Status.INACCURATE, iterations, message, secondary)
 
-    def _run(self, room: _Room, secondary: FloatArray | None) -> tuple[FloatArray, int, int]:
+    def _run(self, stacked: Stacked, secondary: FloatArray | None) -> tuple[FloatArray, int, int]:
         """(x, DAQP's exit flag or 0 when the rows overflow, iterations)."""
-        M, n = room.rows.shape
+        M, n = stacked.matrix.shape
         if M == 0:
             return (np.zeros(n) if secondary is None else secondary.copy()), 1, 0
         zeta = zeros(n) if secondary is None else secondary
-        given = (room.rows, room.low, room.up, room.softness, room.sense)
-        if not room.kernels.unit_rows(*room.stacked, zeta, self.rho, _SHORTEST, *given):
+        rows = unit_rows(stacked, zeta, self.rho)
+        if rows is None:
             return zeta, 0, 0
-        room.sense *= _EQUALITY
-        flag = self._load(room)
+        model, flag = self._load(rows, stacked)
         if flag < 0:
             return zeta, flag, 0
-        room.model.soft_weights(room.softness, room.softness)
-        x, _, flag, info = room.model.solve()
-        return (x if secondary is None else x + secondary), flag, info["iterations"]
+        model.soft_weights(rows.softness, rows.softness)
+        x, _, flag, info = model.solve()
+        return (x.copy() if secondary is None else x + secondary), flag, info["iterations"]
 
-    def _load(self, room: _Room) -> int:
-        """Give the rows to DAQP: 1, or its exit flag where it refuses: solving a model that it refused ends the process."""
-        if room.model is not None:
-            if room.model.update(A=room.rows, bupper=room.up, blower=room.low, sense=room.sense) >= 0:
-                return 1
-            room.model = None
+    def _load(self, rows: Rows, stacked: Stacked) -> tuple[Any, int]:
+        """The model that holds these rows, and 1, or DAQP's exit flag: solving a model that it refused ends the process."""
+        key = (rows.rows.shape[1], stacked.offsets.tobytes())
+        model = self._models.kept.get(key)
+        if model is not None:
+            if model.update(A=rows.rows, bupper=rows.up, blower=rows.low, sense=rows.sense) >= 0:
+                return model, 1
+            del self._models.kept[key]
         import daqp
 
         model = daqp.Model()
         model.settings = {"primal_tol": self.primal_tol, "iter_limit": self.max_iterations}
-        ends = room.stacked.offsets[1:].astype(np.int32)
-        flag = int(model.setup(np.eye(room.rows.shape[1]), None, room.rows, room.up, room.low, room.sense, ends)[0])
-        if flag < 0:
-            return flag
-        room.model = model
-        return 1
+        ends = stacked.offsets[1:].astype(np.int32)
+        flag = int(model.setup(np.eye(rows.rows.shape[1]), None, rows.rows, rows.up, rows.low, rows.sense, ends)[0])
+        if flag >= 0:
+            self._models.kept[key] = model
+            flag = 1
+        return model, flag

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from typing import ClassVar
 
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
-from hqp_rp.core.qp_backend import Backend, check_backend, check_positive
+from hqp_rp.core.qp_backend import check_backend, check_positive
 from hqp_rp.core.qp_workspace import Workspace
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import Solver
+from hqp_rp.core.solver import Solver, checked_secondary
+from hqp_rp.core.tolerances import SOLVED
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -23,17 +23,15 @@ class QpCascade(Solver):
         min_{z, s}  1/2 ||s||^2   subject to   lower_k <= A_k (x + Z z) + s <= upper_k,   rows kept from before
 
     and a last level `min ||x - secondary||` makes the answer unique. Finished equalities, violated rows and rows held by a
-    multiplier leave through an orthonormal basis Z; satisfied rows stay as rows. The equality rows of a level are factored
-    (`A_k Z = U B V^T`, B a triangle or singular values), not squared, and the QP is put in the coordinates `w = B V^T z`, where
-    it is well conditioned: for a level of equalities alone, with no row kept, `min 1/2 ||w||^2 - (U^T d)^T w`, which the back
-    end solves.
+    multiplier leave through an orthonormal basis Z; satisfied rows stay as rows. The back end is given each level's own QP: its
+    equality rows are factored (`A_k Z = U M`, M a triangle), the hessian is `M^T M` and the gradient `-M^T c`; only where M is
+    ill conditioned (beyond 100) are its singular directions scaled, by at most 1000.
     Levels are scaled by powers of two first. A level that is met already where it starts needs no QP.
 
-    Hard rows are solved first, with slack: where slack remains, `INFEASIBLE` is said once weights on the violated rows prove
+    Hard rows are solved first, with slack: where slack remains, `INFEASIBLE` is said once weights on the rows prove
     that they contradict each other (Farkas). `SOLVED` is never the back end's word: every level, every hard row and the
-    distance to `secondary` are checked at the final x against `tolerance`, from the problem's own rows: by a compiled proof
-    where that succeeds, else by the library's own certificate. On equalities alone the proof uses the cascade's factors, after
-    it has checked them against those rows on a fixed vector of random numbers (Freivalds 1977); otherwise it factors anew.
+    distance to `secondary` are checked at the final x against `tolerance`, from the problem's own rows: by a quick native proof
+    where that succeeds, else by the library's own certificate. An x that breaks a hard row is never returned.
 
     Settings:
         backend: "proxqp" and "osqp" through their native interfaces with workspaces kept between calls, or any other name
@@ -41,14 +39,16 @@ class QpCascade(Solver):
         eps_abs: absolute (OSQP: also relative) tolerance of each scaled QP. 1e-9 is the best for both: default
             tolerances leave errors of 1e-3 to 1e-1 in x, smaller ones only cost iterations.
         max_iterations: limit on each QP.
-        polish: refine an answer on the active rows that the back end found (a QP without rows is left as it came).
+        polish: refine an answer on the active rows that the back end found, by the least squares that they stand for (without
+            rows, the level's own). What the back end decides is which rows are active; without polish x is as it came, and
+            near a singularity, where the hessian squares what separates levels, it is then rarely accurate.
 
-    An instance that is kept warm-starts from its last call of the same shape and must not be shared between threads.
+    An instance that is kept warm-starts from its last call of the same shape in the same thread; threads may share it.
 
     Raises `SettingError` for a back end that is not installed or a setting out of range.
 
     Source: Kanoun, Lamiraux and Wieber 2011 (the cascade); Escande, Mansard and Wieber 2014 (the null-space
-    basis, the optimal slacks kept). The coordinates are ours.
+    basis, the optimal slacks kept); Stellato, Banjac, Goulart, Bemporad and Boyd 2020 (polishing).
     """
 
     name: ClassVar[str] = "qp_cascade"
@@ -74,29 +74,25 @@ class QpCascade(Solver):
     @property
     def tolerance(self) -> float:
         """`eps_abs`, but no less than 1e-9."""
-        return self.eps_abs if self.eps_abs > 1e-9 else 1e-9
+        return max(SOLVED, self.eps_abs)
 
     def is_lexicographic(self, problem: Problem) -> bool:
         """True: the cascade computes the lexicographic optimum of every problem."""
         return True
 
-    @functools.cached_property
-    def _backend(self) -> Backend:
-        return self._workspace.backend(self.backend, self.eps_abs, self.max_iterations)
-
-    def __getstate__(self) -> dict[str, object]:
-        return {name: value for name, value in self.__dict__.items() if name != "_backend"}
-
     def reset(self) -> None:
         """Forget warm starts and workspaces."""
         self._workspace.clear()
-        vars(self).pop("_backend", None)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
-        desk = self._workspace.desk(problem)
-        warm = desk.used
-        solution = desk.solve(problem, secondary, self._backend, self.tolerance, polish=self.polish)
+        workspace = self._workspace
+        stages = workspace.stages(problem)
+        warm = stages.used
+        backend = workspace.backend(self.backend, self.eps_abs, self.max_iterations)
+        if secondary is not None:
+            secondary = checked_secondary(secondary, problem.n)
+        solution = stages.solve(problem, secondary, backend, self.tolerance, polish=self.polish)
         if warm and solution.status is not Status.SOLVED and solution.status is not Status.INFEASIBLE:
             # What is kept between calls must never cost an answer: once more, from nothing.
             self.reset()

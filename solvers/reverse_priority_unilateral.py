@@ -14,10 +14,10 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.stacked import load
+from hqp_rp.core.tolerances import UNILATERAL_ROUNDING
 from hqp_rp.core.verify import hard_excess
 
 _STATUSES = tuple(Status)
-_ROUNDING = 1e-15  # relative: a row missed by this much is met
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the bounds."
 
 
@@ -87,7 +87,7 @@ class ReversePriorityUnilateral(ClosedForm):
             solution = Solution(problem, found.x, found.status, found.iterations, found.message, secondary)
         if solution.x is None:
             return solution
-        if hard is None or hard_excess(hard, solution.x) <= _ROUNDING:  # no hard row is active
+        if hard is None or hard_excess(hard, solution.x) <= UNILATERAL_ROUNDING:  # no hard row is active
             solution.held = np.zeros(len(problem.matrix) + (0 if hard is None else hard.m), np.int8)
             return solution
         return self._held(problem, hard, solution.x, secondary)
@@ -110,7 +110,9 @@ class ReversePriorityUnilateral(ClosedForm):
             return Solution(problem, None, status, iterations, message, secondary)
         excess = hard_excess(hard, x)
         message = "" if excess <= self.tolerance else f"A hard row is violated by a relative {excess:.1e}."
-        status = Status.INACCURATE if message else Status.SOLVED
+        if message:  # an x that breaks a hard row is never returned
+            return Solution(problem, None, Status.INACCURATE, iterations, message, secondary)
+        status = Status.SOLVED
         solution = Solution(problem, x, status, iterations, message, secondary)
         solution.held = np.zeros(m + len(problem.matrix), np.int8)
         solution.held[:m] = side[:m]

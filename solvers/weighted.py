@@ -14,6 +14,7 @@ from hqp_rp.core.qp_backend import check_backend, check_positive
 from hqp_rp.core.qp_workspace import Workspace
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
+from hqp_rp.core.tolerances import SOLVED, TALL_RANK
 
 SUM = "the weighted sum"
 
@@ -76,7 +77,7 @@ class Weighted(Solver):
     @property
     def tolerance(self) -> float:
         """`eps_abs`, but no less than 1e-9; it holds for hard rows and for the weighted sum as one level."""
-        return max(1e-9, self.eps_abs)
+        return max(SOLVED, self.eps_abs)
 
     def refuses(self, problem: Problem) -> str | None:
         """Weights that are not one for each level; otherwise nothing."""
@@ -102,7 +103,7 @@ class Weighted(Solver):
         hard = 0 if problem.hard is None else problem.hard.m
         offsets = np.array([0, len(A)], dtype=np.int64)
         as_one = Problem.from_stacked(A, lower, upper, offsets, names=[SUM], hard=problem.hard, check=False)
-        found = self._workspace.desk(as_one).solve(as_one, secondary, backend, self.tolerance, polish=True)
+        found = self._workspace.stages(as_one).solve(as_one, secondary, backend, self.tolerance, polish=True)
         solution = Solution(problem, found.x, found.status, found.iterations, found.message, secondary)
         if isinstance(found.held, np.ndarray):
             solution.held = found.held[: hard + len(problem.matrix)]
@@ -130,7 +131,7 @@ class Weighted(Solver):
             try:
                 # Powers of two bring the matrix to scale without a rounding error.
                 scale = math.ldexp(1.0, -math.frexp(float(np.abs(A).max(initial=0.0)))[1])
-                x = start + np.linalg.lstsq(A * scale, (b - A @ start) * scale, rcond=1e-14)[0]
+                x = start + np.linalg.lstsq(A * scale, (b - A @ start) * scale, rcond=TALL_RANK)[0]
             except np.linalg.LinAlgError:
                 x = np.full(problem.n, np.nan)
         if not np.isfinite(x).all():

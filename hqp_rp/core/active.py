@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp.core.diagnostics import row_norms
+from hqp_rp.core.diagnostics import rounding_at_zero, row_norms
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.tolerances import ACTIVE
 
-VIOLATED = 1e-9
+VIOLATED = ACTIVE
 """A row counts as violated beyond this part of ||a_i|| ||x|| + |bound|."""
 
 
@@ -20,11 +21,12 @@ def active_rows(problem: Problem, x: FloatArray, held: NDArray[np.integer] | flo
         bound = np.clip(value, lower, upper)
         beyond = value - bound
         size = row_norms(matrix) * np.linalg.norm(x)
+        noise = row_norms(matrix) * rounding_at_zero(problem, x)
         if isinstance(held, float):
-            at_upper = np.abs(value - upper) <= held * (size + np.abs(upper))
-            at_lower = np.abs(value - lower) <= held * (size + np.abs(lower))
+            at_upper = np.abs(value - upper) <= held * (size + np.abs(upper)) + noise
+            at_lower = np.abs(value - lower) <= held * (size + np.abs(lower)) + noise
             held = np.where(at_upper & np.isfinite(upper), 1, np.where(at_lower & np.isfinite(lower), -1, 0))
-        violated = np.abs(beyond) > VIOLATED * (size + np.abs(bound))
+        violated = np.abs(beyond) > VIOLATED * (size + np.abs(bound)) + noise
     active = np.where(violated, np.sign(beyond), np.sign(held)).astype(np.int8)
     active[lower == upper] = 1
     active.flags.writeable = False

@@ -11,16 +11,24 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hqp_rp.core.diagnostics import checked_point, norm, normalised, require_tolerance, times_power, two_norm
+from hqp_rp.core.diagnostics import (
+    checked_point,
+    norm,
+    normalised,
+    require_tolerance,
+    rounding_at_zero,
+    times_power,
+    two_norm,
+)
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
+from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, SHORT_NORMAL, STEP_COST
 
-TOLERANCE = 1e-9
+TOLERANCE = CERTIFIED
 """Default of `certify`: what a relative excess may be; also how near to its bound a row counts as active."""
 
 _EPS = float(np.finfo(np.float64).eps)
-_STEP_COST = 1e-5  # see `_removable`
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -108,7 +116,9 @@ def certify(
 
     x is accepted when every excess is at most `tolerance * (||A_k|| ||x|| + ||b_k||)` plus rounding, every hard row holds
     to the same relative tolerance, and x deviates from the optimum nearest to `secondary` by no more than that tolerance
-    times ||x|| + ||secondary||. Directions that the rank rule cuts count as free.
+    times ||x|| + ||secondary||. Directions that the rank rule cuts count as free. Where x is at zero but for the rounding error
+    of the bounds that determine it (shorter than 1e-12 of them), that rounding error counts as such for rows and for x itself.
+    A normal so short in the free directions (1e-9) that it may hold or not is counted as either.
 
     Args:
         problem: the problem that x answers.
@@ -127,7 +137,7 @@ def certify(
     goal = np.zeros(problem.n) if secondary is None else checked_point(secondary, problem.n, "secondary")
     require_tolerance("tolerance", tolerance)
     require_tolerance("rank_tolerance", rank_tolerance)
-    judge = _Judge(point, max(tolerance, TOLERANCE), rank_tolerance)
+    judge = _Judge(point, max(tolerance, TOLERANCE), rank_tolerance, rounding_at_zero(problem, point))
     hard_violation, relative_hard = judge.hard(problem.hard)
     levels = tuple(judge.level(level) for level in problem.levels)
     deviation, relative_deviation, uncertainty = judge.deviation(goal)
@@ -167,8 +177,9 @@ def certify(
 class _Judge:
     """x, and what the levels judged so far hold fixed (Z) and hold back (H)."""
 
-    def __init__(self, x: FloatArray, active_tolerance: float, rank_tolerance: float) -> None:
+    def __init__(self, x: FloatArray, active_tolerance: float, rank_tolerance: float, rounding: float) -> None:
         self.x = x
+        self.rounding = rounding  # of x, where it is at zero but for that
         self.size = norm(x)
         self.active_tolerance = active_tolerance
         self.rank_tolerance = rank_tolerance
@@ -183,7 +194,7 @@ class _Judge:
         rows = _Rows(hard, self)
         error = np.abs(rows.violation)
         with np.errstate(divide="ignore", invalid="ignore"):
-            relative = np.where(error > 0.0, error / rows.reach, 0.0)
+            relative = np.where(error > rows.noise, error / rows.reach, 0.0)
         self._bind(rows, rows.equality)
         return times_power(float(error.max()), rows.exponent), float(relative.max())
 
@@ -198,7 +209,7 @@ class _Judge:
         excess, turned, multipliers = _removable(
             rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, self.rank_tolerance, self.drift
         )
-        uncertainty = turned + 4 * _EPS * (len(self.x) + level.m) * scale
+        uncertainty = turned + 4 * _EPS * (len(self.x) + level.m) * scale + rows.size * self.rounding
         self._bind(rows, rows.equality | rows.violated)
         residual, excess, scale, uncertainty = (
             times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)
@@ -212,7 +223,7 @@ class _Judge:
             return 0.0, 0.0, 0.0
         gap = self.x - goal
         excess, turned, _ = _removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)
-        return excess, excess / size, turned / size + 8 * _EPS * len(gap)
+        return excess, excess / size, (turned + self.rounding * len(gap)) / size + 8 * _EPS * len(gap)
 
     def _bind(self, rows: _Rows, fixed: NDArray[np.bool_]) -> None:
         held = rows.A[fixed]
@@ -242,10 +253,11 @@ class _Rows:
         self.equality = lower == upper
         lengths = np.sqrt(np.einsum("ij,ij->i", self.A, self.A))
         self.reach = lengths * judge.size + np.abs(self.target)
+        self.noise = lengths * judge.rounding
         if self.equality.all():
             self.violated = self.active = np.zeros_like(self.equality)
             return
-        near = judge.active_tolerance * self.reach
+        near = judge.active_tolerance * self.reach + self.noise
         above, below = value >= upper - near, value <= lower + near
         self.violated = np.abs(self.violation) > near
         # A band narrower than the tolerance holds its row from both sides.
@@ -261,30 +273,45 @@ def _removable(
     """The part of v that moves d = Z z with H d <= 0 remove through A d; its uncertainty; multipliers > 0.
 
     Without H it is the projection of v onto range(A Z). With H it is the same for the cone, where each move also costs
-    `_STEP_COST * size * ||d||`: that keeps the metric finite in directions that A does not see.
+    `STEP_COST * size * ||d||`: that keeps the metric finite in directions that A does not see.
     """
     if min(A.shape) == 0 or Z.shape[1] == 0 or size == 0.0 or not v.any():
         return 0.0, 0.0, 0
     U, sigma, Vt = np.linalg.svd(A @ Z)
     normals = H @ Z @ Vt.T if len(H) else H
+    noise = drift + 8 * _EPS
+    unclear = normals[:0]
     if len(H):
         lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
-        normals = normals[lengths > 1e-9]  # the others are fixed already
-    noise = drift + 8 * _EPS
+        unclear = normals[(lengths <= SHORT_NORMAL) & (lengths > 2.0 * noise)]
+        normals = normals[lengths > SHORT_NORMAL]  # the others are fixed already
     if not len(normals):
         rank = int((sigma > rank_tolerance * size).sum())
         if rank == 0:
             return 0.0, 0.0, 0
-        return norm(U[:, :rank].T @ v), norm(v) * min(1.0, noise * size / float(sigma[rank - 1])), 0
-    padded = np.zeros(Z.shape[1])
+        excess, unsure = norm(U[:, :rank].T @ v), norm(v) * min(1.0, noise * size / float(sigma[rank - 1]))
+        if len(unclear):
+            unsure += max(0.0, excess - _held(sigma, U, v, unclear, Z.shape[1], size)[0])
+        return excess, unsure, 0
+    excess, pulls, positive = _held(sigma, U, v, normals, Z.shape[1], size)
+    unsure = min(norm(v), pulls * noise / STEP_COST)
+    if len(unclear):
+        unsure += max(0.0, excess - _held(sigma, U, v, np.vstack((normals, unclear)), Z.shape[1], size)[0])
+    return excess, unsure, positive
+
+
+def _held(
+    sigma: FloatArray, U: FloatArray, v: FloatArray, normals: FloatArray, d: int, size: float
+) -> tuple[float, float, int]:
+    """What moves that the normals (h, d) allow remove; what v and the multipliers pull; how many multipliers are positive."""
+    padded = np.zeros(d)
     padded[: len(sigma)] = sigma
-    metric = 1.0 / np.hypot(padded, _STEP_COST * size)
-    slope = np.zeros(Z.shape[1])
+    metric = 1.0 / np.hypot(padded, STEP_COST * size)
+    slope = np.zeros(d)
     slope[: len(sigma)] = sigma * (U.T @ v)[: len(sigma)]
     columns = (normals * metric).T
     lengths = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     weights, rest = nonnegative_least_squares(columns / lengths, -metric * slope)
     multipliers = weights / lengths
     pulls = norm(v) + float(multipliers.sum()) / size
-    uncertainty = min(norm(v), pulls * noise / _STEP_COST)
-    return norm(rest), uncertainty, int((multipliers > 1e-9 * multipliers.max()).sum())
+    return norm(rest), pulls, int((multipliers > MULTIPLIER * multipliers.max()).sum())

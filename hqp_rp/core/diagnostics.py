@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
+from hqp_rp.core.tolerances import ACTIVE, NEAR_ZERO
 
-ACTIVE_TOLERANCE = 1e-9
+ACTIVE_TOLERANCE = ACTIVE
 """A row counts as active at x within this times `||a_i|| ||x|| + |bound_i|` of its bound."""
 
 
@@ -173,6 +174,27 @@ def remaining(A: FloatArray, Z: FloatArray | None, rank_tolerance: float) -> tup
     _, sigma, Vt = np.linalg.svd(B)
     rank = int((sigma > cut).sum())
     return rank, Vt[rank:].T if Z is None else Z @ Vt[rank:].T
+
+
+def rounding_at_zero(problem: Problem, x: FloatArray) -> float:
+    """What rounding may leave of an x (n,) that should be zero, in its unit; 0 where x is not that short.
+
+    That is 8 eps times the size that the bounds which determine x ask of it, the largest |bound_i| / ||a_i|| of a row that is
+    an equality, violated or at its bound; x must be shorter than 1e-12 of that size.
+    """
+    size = 0.0
+    own = norm(x)
+    for level in (problem.hard, *problem.levels):
+        if level is None or not level.m:
+            continue
+        with np.errstate(all="ignore"):
+            lengths = row_norms(level.A)
+            value = level.A @ x
+            target = np.clip(value, level.lower, level.upper)
+            bound = (level.lower == level.upper) | (target != value)
+            ask = np.abs(target[bound]) / lengths[bound]
+            size = max(size, float(ask[np.isfinite(ask)].max(initial=0.0)))
+    return 8.0 * float(np.finfo(np.float64).eps) * size if own <= NEAR_ZERO * size else 0.0
 
 
 def violation(level: Level, x: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.tolerances import EXACT_MULTIPLIERS, PULL
 
 
 def nonnegative_least_squares(C: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -18,12 +19,12 @@ def nonnegative_least_squares(C: FloatArray, y: FloatArray) -> tuple[FloatArray,
     # At an optimum with independent active rows the unconstrained multipliers already have the right signs.
     w = np.maximum(np.linalg.lstsq(C, y, rcond=None)[0], 0.0)
     rest = y - C @ w
-    if norm(rest) <= 1e-12 * norm(y):
+    if norm(rest) <= EXACT_MULTIPLIERS * norm(y):
         return w, rest
     w = np.zeros(k)
     passive = np.zeros(k, dtype=bool)
     rest = y
-    least = 1e-13 * norm(y)
+    least = PULL * norm(y)
     for _ in range(3 * k + 10):
         pull = np.where(passive, 0.0, C.T @ rest)
         entering = int(pull.argmax())

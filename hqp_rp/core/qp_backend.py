@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import abc
 import enum
-import functools
 import math
 import warnings
 from typing import Any, NamedTuple
@@ -22,60 +21,49 @@ NOTHING = np.zeros(0)
 """No answer; not to be written to."""
 
 
-@functools.cache
-def ones(n: int) -> FloatArray:
-    """The diagonal (n,) of an identity, one array for each n; not to be written to."""
-    return np.ones(n)
-
-
 class SlackQP(NamedTuple):
-    """A convex QP with a diagonal Hessian whose first rows are softened by slacks of their own.
+    """A convex QP whose first rows are softened by slacks of their own, on the unknowns u = (t, s), N = n + soft.
 
     ::
 
-        min_{t, s}  1/2 sum_i hessian_i t_i^2 + gradient . t + 1/2 ||s||^2
-        subject to  lower <= rows t + [s; 0] <= upper
+        min_u  1/2 u^T hessian u + gradient . u    subject to    lower <= slack_rows u <= upper
+
+    with `hessian` the identity on s and `slack_rows = [rows I; rows 0]`, the identity beside the first `soft` rows.
 
     Args:
-        hessian: (n,) diagonal, >= 0. gradient: (n,).
-        rows: (m, n). lower, upper: (m,), infinite where there is no bound.
+        hessian: (N, N), positive semidefinite. gradient: (N,).
+        rows: (m, n). slack_rows: (m, N). lower, upper: (m,), at or beyond `INFINITE` where there is no bound.
+        start, y: (N,), (m,) what an earlier answer says of this QP's answer and multipliers; zeros where nothing does.
         soft: number of leading rows that have a slack; 0 <= soft <= m.
+
+    Arrays may be views that change with the next QP.
     """
 
     hessian: FloatArray
     gradient: FloatArray
     rows: FloatArray
+    slack_rows: FloatArray
     lower: FloatArray
     upper: FloatArray
+    start: FloatArray
+    y: FloatArray
     soft: int
+
+    @classmethod
+    def of(cls, curvature: FloatArray, gradient: FloatArray, rows: FloatArray, bounds: Any, soft: int) -> SlackQP:
+        """From curvature (n, n), gradient (n,), rows (m, n) and bounds (lower, upper) on t, without a guess."""
+        (m, n), full = rows.shape, len(gradient) + soft
+        hessian = np.eye(full)
+        hessian[:n, :n] = curvature
+        slack_rows = np.concatenate((rows, np.eye(m, soft)), axis=1)
+        whole = np.concatenate((gradient, np.zeros(soft)))
+        low, up = (np.clip(np.asarray(bound, dtype=np.float64), -INFINITE, INFINITE) for bound in bounds)
+        return cls(hessian, whole, np.ascontiguousarray(rows), slack_rows, low, up, np.zeros(full), np.zeros(m), soft)
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """(n, m, soft): QPs of one shape share a workspace."""
-        return (len(self.gradient), len(self.lower), self.soft)
-
-    def slack_columns(self) -> FloatArray:
-        """(m, n + soft) matrix of the rows on (t, s)."""
-        n, m, soft = self.shape
-        matrix = np.zeros((m, n + soft))
-        matrix[:, :n] = self.rows
-        matrix[range(soft), range(n, n + soft)] = 1.0
-        return matrix
-
-
-class DenseQP(NamedTuple):
-    """The same QP with the slacks as unknowns, for a back end that takes dense matrices: unknowns (t, s), N = n + soft.
-
-    Args:
-        H: (N, N). g: (N,). C: (m, N). lower, upper: (m,), cut at `INFINITE`. start: (N,) the guess that belongs to it.
-    """
-
-    H: FloatArray
-    g: FloatArray
-    C: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    start: FloatArray
+        return (len(self.gradient) - self.soft, len(self.lower), self.soft)
 
 
 class Outcome(enum.Enum):
@@ -88,7 +76,7 @@ class Outcome(enum.Enum):
 
 class QPAnswer(NamedTuple):
     """What a back end returned: t (n,) or longer (None when it failed without any), y (m,) multipliers (> 0 at an upper bound,
-    < 0 at a lower one; `hessian * t + gradient + rows^T y = 0`), its own verdict, its iterations, and what it said."""
+    < 0 at a lower one; `hessian u + gradient + slack_rows^T y = 0`), its own verdict, its iterations, and what it said."""
 
     t: FloatArray | None
     y: FloatArray
@@ -100,31 +88,17 @@ class QPAnswer(NamedTuple):
 class Backend(abc.ABC):
     """A QP solver with the workspaces it keeps. Not safe to share between threads.
 
-    `reused`: whether the last solve went through a workspace of an earlier one. `wants_dense`: whether it profits from a
-    `DenseQP` beside the `SlackQP`.
+    `reused`: whether the last solve went through a workspace of an earlier one.
     """
 
     reused: bool = False
-    wants_dense: bool = False
 
     @abc.abstractmethod
-    def solve(
-        self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
-    ) -> QPAnswer:
-        """Solve `qp`, starting from `guess` = (t (n,), y (m,)) where the back end can use one.
+    def solve(self, qp: SlackQP, guessed: bool = False) -> QPAnswer:
+        """Solve `qp`, from its `start` and `y` where `guessed` and the back end can use them.
 
-        With `dense`, the same QP and guess with slacks, the answer may be a view that the next solve overwrites, t with the
-        slacks behind it.
+        The answer may be a view that the next solve overwrites, t with the slacks behind it.
         """
-
-    def unconstrained(self, gradient: FloatArray) -> tuple[FloatArray, int]:
-        """(w, iterations): w (n,) or empty, what the back end answers to `min 1/2 ||w||^2 + gradient . w`.
-
-        It says nothing of its outcome: `||w + gradient||_inf` tells. w is contiguous float64, and may be a view that the next
-        solve overwrites.
-        """
-        answer = self.solve(SlackQP(ones(len(gradient)), gradient, np.zeros((0, len(gradient))), NOTHING, NOTHING, 0))
-        return NOTHING if answer.t is None else np.ascontiguousarray(answer.t, dtype=np.float64), answer.iterations
 
     def reset(self) -> None:
         """Drop every workspace."""
@@ -168,42 +142,34 @@ class QpsolversBackend(Backend):
         self._options = known.options
         self._needs_definite = known.definite
 
-    def solve(
-        self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
-    ) -> QPAnswer:
+    def solve(self, qp: SlackQP, guessed: bool = False) -> QPAnswer:
         n, m, soft = qp.shape
-        hessian = np.concatenate([qp.hessian, np.ones(soft)])
-        gradient = np.concatenate([qp.gradient, np.zeros(soft)])
-        flat = hessian < self._PROXIMAL
-        steps = 1
-        if self._needs_definite and flat.any():
-            steps = self._PROXIMAL_STEPS
-        proximal = np.where(flat, self._PROXIMAL, 0.0) if steps > 1 else np.zeros(n + soft)
-        matrix = qp.slack_columns()
+        curved = float(np.linalg.eigvalsh(qp.hessian)[0]) >= self._PROXIMAL if n + soft else True
+        steps = self._PROXIMAL_STEPS if self._needs_definite and not curved else 1
+        proximal = self._PROXIMAL * (np.arange(n + soft) < n) if steps > 1 else np.zeros(n + soft)
         centre = np.zeros(n + soft)
         answer = QPAnswer(None, np.zeros(m), Outcome.FAILED, 0)
         solves = 0
         for _ in range(steps):
             solves += 1
-            answer = self._solve_once(matrix, qp, hessian + proximal, gradient - proximal * centre)
+            hessian, gradient = qp.hessian + np.diag(proximal), qp.gradient - proximal * centre
+            answer = self._solve_once(qp, hessian, gradient)
             if answer.t is None and m:
                 apart = self._APART * self._eps_abs
-                wider = qp._replace(lower=qp.lower - apart, upper=qp.upper + apart)
-                answer = self._solve_once(matrix, wider, hessian + proximal, gradient - proximal * centre)
+                answer = self._solve_once(qp._replace(lower=qp.lower - apart, upper=qp.upper + apart), hessian, gradient)
             if answer.t is None or answer.outcome is not Outcome.CONVERGED:
-                return answer._replace(t=None if answer.t is None else answer.t[:n])
-            moved = float(np.abs(proximal * (answer.t - centre)).max())
+                return answer
+            moved = float(np.abs(proximal * (answer.t - centre)).max(initial=0.0))
             centre = answer.t
             if moved <= self._eps_abs:
                 break
-        assert answer.t is not None
-        return answer._replace(t=answer.t[:n], iterations=solves)
+        return answer._replace(iterations=solves)
 
-    def _solve_once(self, matrix: FloatArray, qp: SlackQP, hessian: FloatArray, gradient: FloatArray) -> QPAnswer:
+    def _solve_once(self, qp: SlackQP, hessian: FloatArray, gradient: FloatArray) -> QPAnswer:
         above, below = qp.upper < INFINITE, qp.lower > -INFINITE
-        G = np.concatenate([matrix[above], -matrix[below]])
+        G = np.concatenate([qp.slack_rows[above], -qp.slack_rows[below]])
         h = np.concatenate([qp.upper[above], -qp.lower[below]])
-        P: Any = np.diag(hessian)
+        P: Any = hessian
         if self._sparse_only:
             from scipy import sparse
 

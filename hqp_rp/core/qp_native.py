@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import functools
 import io
 import math
 import weakref
@@ -13,18 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.qp_backend import INFINITE, NOTHING, Backend, DenseQP, Outcome, QPAnswer, SlackQP, ones
+from hqp_rp.core.qp_backend import NOTHING, Backend, Outcome, QPAnswer, SlackQP
 
 _INNER_ITERATIONS = 100
 _NEVER = 1e-15
-
-
-@functools.cache
-def qp_kernels() -> Any:
-    """The compiled kernels, imported when first needed."""
-    from hqp_rp.core.kernels import qp_slacks
-
-    return qp_slacks
 
 
 _alive: weakref.WeakSet[ProxQPBackend] = weakref.WeakSet()
@@ -38,25 +29,22 @@ def _let_go() -> None:
 
 
 class _Kept(NamedTuple):
-    """ProxQP's objects for QPs of one shape, views of its answers, and the Hessian that it holds where it never changes."""
+    """ProxQP's objects for QPs of one shape, and views of its answers."""
 
     solver: Any
     settings: Any
     x: FloatArray
     z: FloatArray
     info: Any
-    hessian: FloatArray | None = None
 
 
 class ProxQPBackend(Backend):
     """ProxQP's dense interface: a proximal augmented Lagrangian (Bambade, El-Kazdadi, Taylor and Carpentier, RSS 2022).
 
-    Settings used: eps_abs as given, eps_rel = 0, the duality gap checked, diagonal Hessian. ProxQP has no time limit
+    Settings used: eps_abs as given, eps_rel = 0, the duality gap checked. ProxQP has no time limit
     and was seen to stall for seconds: its outer iterations are bounded by `max_iterations`, the inner ones of each by a
     constant.
     """
-
-    wants_dense = True
 
     def __init__(self, eps_abs: float, max_iterations: int) -> None:
         from proxsuite import proxqp
@@ -69,80 +57,41 @@ class ProxQPBackend(Backend):
         self._warm = proxqp.InitialGuess.WARM_START
         self._solved = proxqp.QPSolverOutput.PROXQP_SOLVED
         self._limit = proxqp.QPSolverOutput.PROXQP_MAX_ITER_REACHED
-        self._workspaces: dict[tuple[int, int, int], _Kept] = {}
-        self._identities: dict[int, tuple[Any, Any, FloatArray, Any]] = {}
+        self._workspaces: dict[tuple[int, int], _Kept] = {}
 
-    def unconstrained(self, gradient: FloatArray) -> tuple[FloatArray, int]:
-        n = len(gradient)
-        found = self._identities.get(n)
-        if found is None:
-            kept = self._without_rows(
-                SlackQP(ones(n), gradient, np.zeros((0, n)), NOTHING, NOTHING, 0), self._workspaces.get((n, 0, 0))
-            )
-            self._identities[n] = (kept.solver.update, kept.solver.solve, kept.x, kept.info)
-            return kept.x, kept.info.iter
-        update, solve, w, info = found
-        update(None, gradient)
-        solve()
-        return w, info.iter
-
-    def solve(
-        self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
-    ) -> QPAnswer:
-        shape = (len(qp.gradient), len(qp.lower), qp.soft)
-        lent = dense is not None
+    def solve(self, qp: SlackQP, guessed: bool = False) -> QPAnswer:
+        n, m = shape = len(qp.gradient), len(qp.lower)
         kept = self._workspaces.get(shape)
         self.reused = kept is not None
-        if shape[1] == 0:
-            kept = self._without_rows(qp, kept)
-            y = NOTHING
+        if kept is None:
+            kept = self._workspaces[shape] = self._new(n, m)
+            pass_on = kept.solver.init
         else:
-            if dense is None:
-                t, y = (qp.gradient, qp.lower) if guess is None else guess
-                dense = DenseQP(*qp_kernels().with_slacks(*qp, INFINITE, t, y))
-            if kept is None:
-                kept = self._workspaces[shape] = self._new(shape[0] + shape[2], shape[1])
-                pass_on = kept.solver.init
-            else:
-                pass_on = kept.solver.update
-            kept.settings.initial_guess = self._cold if guess is None else self._warm
-            pass_on(dense.H, dense.g, None, None, dense.C, dense.lower, dense.upper)
-            if guess is None:
-                kept.solver.solve()
-            else:
-                kept.solver.solve(dense.start, None, guess[1])
-            y = kept.z
-        info = kept.info
+            pass_on = kept.solver.update
+        warm = guessed and m > 0
+        kept.settings.initial_guess = self._warm if warm else self._cold
+        if m:
+            pass_on(qp.hessian, qp.gradient, None, None, qp.slack_rows, qp.lower, qp.upper)
+        else:
+            pass_on(qp.hessian, qp.gradient)
+        if warm:
+            kept.solver.solve(qp.start, None, qp.y)
+        else:
+            kept.solver.solve()
+        info, t, y = kept.info, kept.x, kept.z if m else NOTHING
         status = info.status
-        t = kept.x
-        if not lent:
-            t, y = t[: shape[0]].copy(), y.copy()
         if status == self._solved:
             return QPAnswer(t, y, Outcome.CONVERGED, info.iter)
         if not math.isfinite((t @ t) + (y @ y)):
             # A NaN stays in a workspace for good.
             del self._workspaces[shape]
-            self._identities.pop(shape[0], None)
-            return QPAnswer(None, np.zeros(shape[1]), Outcome.FAILED, info.iter, "ProxQP returned NaN")
+            return QPAnswer(None, np.zeros(m), Outcome.FAILED, info.iter, "ProxQP returned NaN")
         outcome = Outcome.LIMIT if status == self._limit else Outcome.FAILED
         return QPAnswer(t.copy(), y.copy(), outcome, info.iter, f"ProxQP ended with {status.name}")
 
-    def _without_rows(self, qp: SlackQP, kept: _Kept | None) -> _Kept:
-        if kept is not None and kept.hessian is qp.hessian:
-            kept.solver.update(None, qp.gradient)
-        else:
-            fresh = kept is None
-            self._identities.pop(len(qp.gradient), None)
-            kept = (self._new(len(qp.gradient), 0) if kept is None else kept)._replace(hessian=qp.hessian)
-            self._workspaces[len(qp.gradient), 0, 0] = kept
-            kept.settings.initial_guess = self._cold
-            (kept.solver.init if fresh else kept.solver.update)(np.diag(qp.hessian), qp.gradient)
-        kept.solver.solve()
-        return kept
-
     def _new(self, n: int, m: int) -> _Kept:
         dense = self._proxqp.dense
-        solver = dense.QP(n, 0, m, False, dense.HessianType.Diagonal)
+        solver = dense.QP(n, 0, m, False, dense.HessianType.Dense)
         settings = solver.settings
         settings.eps_abs = self._eps_abs
         settings.eps_rel = 0.0
@@ -159,7 +108,6 @@ class ProxQPBackend(Backend):
 
     def reset(self) -> None:
         self._workspaces.clear()
-        self._identities.clear()
 
 
 class OSQPBackend(Backend):
@@ -185,22 +133,19 @@ class OSQPBackend(Backend):
         }
         self._workspaces: dict[tuple[int, int, int], Any] = {}
 
-    def solve(
-        self, qp: SlackQP, guess: tuple[FloatArray, FloatArray] | None = None, dense: DenseQP | None = None
-    ) -> QPAnswer:
+    def solve(self, qp: SlackQP, guessed: bool = False) -> QPAnswer:
         n, m, soft = qp.shape
-        hessian = np.concatenate([qp.hessian, np.ones(soft)])
-        gradient = np.concatenate([qp.gradient, np.zeros(soft)])
+        curvature = np.concatenate([qp.hessian[:n, :n].T[np.tril_indices(n)], np.ones(soft)])
         data = np.concatenate([qp.rows.ravel(order="F"), np.ones(soft)])
         solver = self._workspaces.get(qp.shape)
         self.reused = solver is not None
         if solver is None:
-            solver = self._workspaces[qp.shape] = self._new(qp, hessian, gradient, data)
+            solver = self._workspaces[qp.shape] = self._new(qp, curvature, data)
         else:
-            solver.update(q=gradient, l=qp.lower, u=qp.upper)
-            solver.update(Px=hessian, Ax=data if m else None)
-        if guess is not None and m:
-            solver.warm_start(x=_with_slacks(qp, guess), y=guess[1])
+            solver.update(q=qp.gradient, l=qp.lower, u=qp.upper)
+            solver.update(Px=curvature, Ax=data if m else None)
+        if guessed and m:
+            solver.warm_start(x=qp.start, y=qp.y)
         else:
             solver.warm_start(x=np.zeros(n + soft), y=np.zeros(m))
         solver.update_settings(polishing=False)
@@ -227,34 +172,28 @@ class OSQPBackend(Backend):
         if x is None or not (np.isfinite(x).all() and np.isfinite(y).all()):
             del self._workspaces[qp.shape]
             return QPAnswer(None, np.zeros(m), Outcome.FAILED, iterations, message or "OSQP returned NaN")
-        return QPAnswer(np.array(x[:n]), np.array(y[:m]), outcome, iterations, message)
+        return QPAnswer(np.array(x), np.array(y[:m]), outcome, iterations, message)
 
     def _solved(self, result: Any) -> bool:
         return int(result.info.status_val) == int(self._osqp.SolverStatus.OSQP_SOLVED)
 
     @staticmethod
     def _has_active_rows(qp: SlackQP, result: Any) -> bool:
-        n = len(qp.gradient)
-        z = qp.rows @ result.x[:n]
-        z[: qp.soft] += result.x[n:]
+        z = qp.slack_rows @ result.x
         return bool(((z - qp.lower < -result.y) | (qp.upper - z < result.y)).any())
 
-    def _new(self, qp: SlackQP, hessian: FloatArray, gradient: FloatArray, data: FloatArray) -> Any:
+    def _new(self, qp: SlackQP, curvature: FloatArray, data: FloatArray) -> Any:
         n, m, soft = qp.shape
         size = n + soft
         indices = np.concatenate([np.tile(np.arange(m), n), np.arange(soft)])
         starts = np.concatenate([np.arange(n) * m, n * m + np.arange(soft + 1)])
         matrix = self._sparse.csc_matrix((data, indices, starts), shape=(m, size))
-        diagonal = self._sparse.csc_matrix((hessian, np.arange(size), np.arange(size + 1)), shape=(size, size))
+        above = np.concatenate([np.arange(j + 1) for j in range(n)] + [np.arange(n, size)]).astype(np.int64)
+        columns = np.cumsum([0, *range(1, n + 1), *([1] * soft)])
+        upper = self._sparse.csc_matrix((curvature, above, columns), shape=(size, size))
         solver = self._osqp.OSQP(algebra="builtin")
-        solver.setup(diagonal, gradient, matrix, qp.lower, qp.upper, **self._settings)
+        solver.setup(upper, qp.gradient, matrix, qp.lower, qp.upper, **self._settings)
         return solver
 
     def reset(self) -> None:
         self._workspaces.clear()
-
-
-def _with_slacks(qp: SlackQP, guess: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """(t, s) with the slacks that the multipliers imply: s = -y on soft rows, from the stationarity in s."""
-    t, y = guess
-    return np.concatenate([t, -y[: qp.soft]])

@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from hqp_rp.core.errors import ProblemError, SettingError, unknown_name, unknown_setting
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.tolerances import RANK, SOLVED
 
-RANK_TOLERANCE = 1e-12
+RANK_TOLERANCE = RANK
 """A singular value of A_k restricted to the remaining null space counts as zero when it is <= this * ||A_k||_2."""
 
 
@@ -44,7 +45,7 @@ class Solver(abc.ABC):
 
         For closed forms it is a bound on rounding error. A hard row is violated by at most the same relative amount.
         """
-        return 1e-9
+        return SOLVED
 
     def is_lexicographic(self, problem: Problem) -> bool:
         """Whether the method, with these settings, returns this problem's lexicographic optimum in exact arithmetic."""

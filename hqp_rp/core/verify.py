@@ -1,16 +1,18 @@
-"""A verdict on an answer that a control loop can afford: a compiled proof first, the full certificate where it fails."""
+"""A verdict on an answer that a control loop can afford: a quick native proof first, the full certificate where it fails."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
+import math
 
 import numpy as np
 
+from hqp_rp.core import _native
 from hqp_rp.core.closed_form import zeros
-from hqp_rp.core.diagnostics import row_norms
-from hqp_rp.core.problem import FloatArray, Level, Problem, Stacked
+from hqp_rp.core.diagnostics import rounding_at_zero, row_norms
+from hqp_rp.core.nonnegative import nonnegative_least_squares
+from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
+from hqp_rp.core.tolerances import CONTRADICTION, FARKAS_REACH, FARKAS_ROUNDING, FARKAS_WEIGHT
 
 
 def fault_of(
@@ -19,28 +21,22 @@ def fault_of(
     secondary: FloatArray | None,
     tolerance: float,
     *,
-    stacked: Stacked | None = None,
     tried: bool = False,
     rank_tolerance: float = RANK_TOLERANCE,
 ) -> str:
     """ "" when x (n,) is the lexicographic optimum of `problem` to the relative `tolerance`, else a sentence that says why not.
 
-    The same verdict as `certify(problem, x, secondary, tolerance)`: a compiled upper bound of each level's excess accepts
+    The same verdict as `certify(problem, x, secondary, tolerance)`: a native upper bound of each level's excess accepts
     most answers in a few microseconds, and what it does not accept goes to `certify`.
 
     Args:
         problem, x, secondary, tolerance, rank_tolerance: as for `certify`; not checked.
-        stacked: `problem.with_hard` as the caller has it already; None takes it from the problem.
-        tried: the compiled proof has been tried already, and has not succeeded.
+        tried: the quick proof has been tried already, and has not succeeded.
     """
     if not tried:
-        matrix, lower, upper, offsets = problem.with_hard if stacked is None else stacked
         zeta = zeros(problem.n) if secondary is None else secondary
-        try:
-            if _proof()(matrix, lower, upper, offsets, x, zeta, tolerance, rank_tolerance):
-                return ""
-        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow: no proof
-            pass
+        if _native.proven_optimal(problem, x, zeta, tolerance, rank_tolerance):
+            return ""
     from hqp_rp.core.certificate import certify
 
     try:
@@ -51,32 +47,37 @@ def fault_of(
     return "" if certificate.ok else certificate.sentence
 
 
-@functools.cache
-def _proof() -> Callable[..., bool]:
-    """The compiled proof, imported when first needed."""
-    from hqp_rp.core.kernels.verify import proven_optimal
+def hard_excess(hard: Level | None, x: FloatArray, rounding: float = 0.0) -> float:
+    """The largest violation of a hard row at x (n,), relative to `||a_i|| ||x|| + |bound_i|`; 0 without hard rows.
 
-    return proven_optimal
-
-
-def hard_excess(hard: Level | None, x: FloatArray) -> float:
-    """The largest violation of a hard row at x (n,), relative to `||a_i|| ||x|| + |bound_i|`; 0 without hard rows."""
+    rounding: of x, see `hqp_rp.core.diagnostics.rounding_at_zero`; what it explains counts as none.
+    """
     if hard is None or not hard.m:
         return 0.0
     value = hard.A @ x
     bound = np.minimum(np.maximum(value, hard.lower), hard.upper)
     error = np.abs(value - bound)
-    reach = row_norms(hard.A) * np.linalg.norm(x) + np.abs(bound)
+    lengths = row_norms(hard.A)
+    reach = lengths * np.linalg.norm(x) + np.abs(bound)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.max(np.where(error > 0.0, error / reach, 0.0)))
+        return float(np.max(np.where(error > rounding * lengths, error / reach, 0.0)))
+
+
+def breaks_hard_rows(problem: Problem, x: FloatArray, tolerance: float) -> bool:
+    """Whether x (n,) breaks a hard row by more than the relative tolerance; what is not a number does."""
+    with np.errstate(all="ignore"):
+        return not hard_excess(problem.hard, x, rounding_at_zero(problem, x)) <= tolerance
 
 
 def contradiction(hard: Level, x: FloatArray) -> str:
-    """A sentence that names the hard rows in conflict when x (n,), near their least violation, proves that none meets them.
+    """A sentence that names the hard rows in conflict where they provably are, else "".
 
-    The proof is Farkas': weights w on the rows violated at x, signed as their violations, with `A^T w = 0` and
-    `w . bound < 0`, so that no y has `w . (A y - bound) <= 0`. They are the violations (rows at length one) less the part
-    that rows can still reach. "" when that gives no proof, or one of less than a relative 1e-9.
+    The proof is Farkas': weights w >= 0 on one-sided rows `g_i . y <= h_i` of length one with `G^T w = 0` and `h . w < 0`, so
+    that no y meets them all. They are those of the least-distance problem, `min ||G^T w||^2 + (h . w + 1)^2` over w >= 0,
+    whose residual is zero where the rows contradict each other and only there (Lawson and Hanson 1974, chapter 23). Bounds
+    are measured from x (n,), which may be anything finite and makes the proof the sharper the nearer it is to meeting the
+    rows; what rounding leaves of `G^T w` must not matter for any y within 1e3 of the size of the bounds around x, and the
+    least distance by which every y misses must be more than a relative 1e-9 of it.
     """
     lengths = row_norms(hard.A)
     outside = (lengths == 0.0) & ((hard.lower > 0.0) | (hard.upper < 0.0))
@@ -84,25 +85,33 @@ def contradiction(hard: Level, x: FloatArray) -> str:
         i = int(outside.argmax())
         return f"Hard row {i} is a row of zeros that must be within [{hard.lower[i]:g}, {hard.upper[i]:g}]."
     rows = np.flatnonzero(lengths > 0.0)
-    A = hard.A[rows] / lengths[rows, None]
-    bounds = np.clip(A @ x, hard.lower[rows] / lengths[rows], hard.upper[rows] / lengths[rows])
-    v = A @ x - bounds
-    worst = float(np.abs(v).max(initial=0.0))
-    if not worst > 1e-9 * (float(np.linalg.norm(x)) + float(np.abs(bounds).max(initial=0.0))):
+    if not len(rows) or not np.isfinite(x).all():
         return ""
-    chosen = np.abs(v) > 1e-4 * worst
-    A, bounds, v, rows = A[chosen], bounds[chosen], v[chosen], rows[chosen]
-    weights = v - A @ np.linalg.lstsq(A, v, rcond=1e-12)[0]
-    if (weights * v < 0.0).any() or not np.abs(weights).max() > 0.0:
+    with np.errstate(over="ignore", invalid="ignore"):
+        A = hard.A[rows] / lengths[rows, None]
+        value = A @ x
+        above, below = hard.upper[rows] / lengths[rows] - value, value - hard.lower[rows] / lengths[rows]
+        size = float(np.linalg.norm(x)) + max(
+            (float(np.abs(b[np.isfinite(b)]).max(initial=0.0)) for b in (hard.lower[rows] / lengths[rows], hard.upper[rows] / lengths[rows]))
+        )
+    G, h = np.concatenate((A, -A)), np.concatenate((above, below))
+    near = np.isfinite(h)
+    G, h, numbers = G[near], h[near], np.concatenate((rows, rows))[near]
+    least = float(h.min(initial=0.0))
+    if not least < 0.0 or not math.isfinite(size):  # x meets every row
         return ""
-    margin = -float(weights @ bounds)
-    rounding = 1e-12 * (
-        float(np.abs(weights) @ np.abs(bounds)) + float(np.linalg.norm(weights)) * float(np.linalg.norm(x))
-    )
-    if not margin > rounding:
+    unit = -least  # bounds in units of the largest miss
+    w, _ = nonnegative_least_squares(np.vstack((G.T, h / unit)), np.append(np.zeros(len(x)), -1.0))
+    chosen = w > FARKAS_WEIGHT * w.max(initial=0.0)
+    w = np.where(chosen, w, 0.0)
+    left = float(np.linalg.norm(G.T @ w))
+    margin = -float(h @ w)
+    rounding = FARKAS_ROUNDING * (float(np.abs(h) @ w) + float(w.sum()) * size)
+    if not margin > left * FARKAS_REACH * (size + unit) + rounding or not margin > CONTRADICTION * size * float(w.sum()):
         return ""
-    named = ", ".join(str(int(i)) for i in rows[:8]) + (", ..." if len(rows) > 8 else "")
+    named = sorted(set(numbers[chosen].tolist()))
+    shown = ", ".join(str(i) for i in named[:8]) + (", ..." if len(named) > 8 else "")
     return (
-        f"Hard rows {named} contradict each other: the x of least violation still misses by "
-        f"{float(np.abs(v * lengths[rows]).max()):.3g}. Loosen these rows, or move them to a level."
+        f"Hard rows {shown} contradict each other: every x misses one of them by at least {margin / float(w.sum()):.3g} of its "
+        "length. Loosen these rows, or move them to a level."
     )

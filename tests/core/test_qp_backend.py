@@ -15,11 +15,12 @@ BACKENDS = ("proxqp", "osqp", "daqp", "quadprog", "piqp")
 def qp(hessian, gradient, rows, lower, upper, soft) -> SlackQP:
     arrays = [np.array(a, dtype=float) for a in (hessian, gradient)]
     matrix = np.array(rows, dtype=float).reshape(-1, len(arrays[0]))
-    return SlackQP(*arrays, matrix, np.array(lower, dtype=float), np.array(upper, dtype=float), soft)
+    return SlackQP.of(np.diag(arrays[0]), arrays[1], matrix, (lower, upper), soft)
 
 
 def stationarity(problem: SlackQP, answer: QPAnswer) -> float:
-    return float(np.abs(problem.hessian * answer.t + problem.gradient + problem.rows.T @ answer.y).max())
+    residual = problem.hessian @ answer.t + problem.gradient + problem.slack_rows.T @ answer.y
+    return float(np.abs(residual).max())
 
 
 # min 1/2 |t|^2 - t0 - t1, t0 <= 0.25: t = (0.25, 1), multiplier 0.75.
@@ -36,7 +37,7 @@ def test_answers_and_multipliers_known_by_hand(name: str) -> None:
     for problem, t, y in ((ACTIVE, [0.25, 1], [0.75]), (SOFT, [1], [-1]), (FLAT, [1, 2], [-1, 1])):
         answer = backend.solve(problem)
         assert answer.outcome is Outcome.CONVERGED, answer.message
-        np.testing.assert_allclose(answer.t, t, atol=1e-7)
+        np.testing.assert_allclose(answer.t[: len(t)], t, atol=1e-7)
         np.testing.assert_allclose(answer.y, y, atol=1e-7)
         assert stationarity(problem, answer) < 1e-7
 
@@ -57,12 +58,14 @@ def test_a_kept_workspace_and_a_guess_change_no_answer(name: str) -> None:
     for _ in range(20):
         rows = rng.standard_normal((5, 3))
         centre = rows @ rng.standard_normal(3)
-        problem = SlackQP(np.ones(3), rng.standard_normal(3), rows, centre - 0.1, centre + 0.1, 2)
-        warm = kept.solve(problem, guess)
+        problem = qp(np.ones(3), rng.standard_normal(3), rows, centre - 0.1, centre + 0.1, 2)
+        if guess is not None:
+            problem = problem._replace(start=guess[0], y=guess[1])
+        warm = kept.solve(problem, guess is not None)
         cold = make_backend(name, 1e-9, 4000).solve(problem)
         assert warm.outcome is cold.outcome is Outcome.CONVERGED
         np.testing.assert_allclose(warm.t, cold.t, atol=1e-7)
-        guess = (warm.t, warm.y)
+        guess = (warm.t.copy(), warm.y.copy())
     assert kept.reused
     kept.reset()
     kept.solve(problem)
@@ -73,7 +76,7 @@ def test_a_kept_workspace_and_a_guess_change_no_answer(name: str) -> None:
 def test_too_few_iterations_are_reported(name: str) -> None:
     rng = np.random.default_rng(1)
     rows = rng.standard_normal((12, 6))
-    problem = SlackQP(np.ones(6), 10.0 * rng.standard_normal(6), rows, np.full(12, -0.1), np.full(12, 0.1), 0)
+    problem = qp(np.ones(6), 10.0 * rng.standard_normal(6), rows, np.full(12, -0.1), np.full(12, 0.1), 0)
     answer = make_backend(name, 1e-9, 1).solve(problem)
     assert answer.outcome is Outcome.LIMIT
     assert answer.message

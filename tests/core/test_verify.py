@@ -7,7 +7,7 @@ import pytest
 
 from hqp_rp import Level, Problem, certify, solve, truth
 from hqp_rp.compare.bench_families import family
-from hqp_rp.core.kernels.verify import proven_optimal
+from hqp_rp.core._native import proven_optimal
 from hqp_rp.core.verify import contradiction, fault_of, hard_excess
 from tests.problems import boxed, independent, over_constrained, two_sided
 
@@ -28,12 +28,11 @@ def test_the_proof_never_accepts_what_the_certificate_rejects(problem: Problem) 
     zeta = np.linspace(-1.0, 1.0, problem.n)
     for secondary in (None, zeta):
         right = truth(problem, secondary).x
-        stacked = problem.with_hard
         proven = []
         for size in (0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3, 1e-1):
             x = right + size * rng.standard_normal(problem.n)
             free = np.zeros(problem.n) if secondary is None else secondary
-            proof = proven_optimal(*stacked, x, free, 1e-7, 1e-12)
+            proof = proven_optimal(problem, x, free, 1e-7, 1e-12)
             verdict = certify(problem, x, secondary, tolerance=1e-7)
             assert verdict.ok or not proof
             assert fault_of(problem, x, secondary, 1e-7) == ("" if verdict.ok else verdict.sentence)
@@ -48,10 +47,9 @@ def test_at_a_tight_tolerance_with_many_active_rows(name: str) -> None:
     refused = 0
     for problem in family(name, quick=True).problems[:8]:
         right = solve(problem, "hierarchical_active_set").x
-        stacked = problem.with_hard
         for size in (0.0, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6):
             x = right + size * np.linalg.norm(right) * rng.standard_normal(problem.n)
-            proof = proven_optimal(*stacked, x, np.zeros(problem.n), 1e-9, 1e-12)
+            proof = proven_optimal(problem, x, np.zeros(problem.n), 1e-9, 1e-12)
             assert not proof or certify(problem, x, tolerance=1e-9).ok
             assert proof or size >= 1e-10  # what rounding leaves needs no second opinion
             refused += not proof
@@ -74,7 +72,7 @@ def test_hard_rows_are_on_top() -> None:
 def test_a_contradiction_needs_a_proof() -> None:
     apart = Level([[1, 0], [0, 2], [2, 0]], [1, 0, -np.inf], [np.inf, 1, 1])
     assert "Hard rows 0, 2 contradict each other" in contradiction(apart, np.array([0.75, 0.2]))
-    assert contradiction(apart, np.array([5.0, 9.0])) == ""  # row 1 is violated here and could be met
+    assert "Hard rows 0, 2 contradict each other" in contradiction(apart, np.array([5.0, 9.0]))  # wherever x is
     assert contradiction(Level(np.eye(2), 0, 1), np.array([0.5, 0.5])) == ""
     assert contradiction(Level(np.eye(2), 0, 1), np.array([2.0, 0.5])) == ""
     assert "Hard row 1 is a row of zeros" in contradiction(Level([[1, 0], [0, 0]], 1, 2), np.zeros(2))

@@ -144,6 +144,18 @@ void bind_active_set(nb::module_& module) {
       .def("reset", &ActiveSet::reset, "Forget warm starts.");
 
   module.def(
+      "proven_optimal",
+      [](nb::object problem, nb::object x, nb::object zeta, double accept, double rank_tolerance) {
+        const Problem& view = nb::inst_ptr<ProblemObject>(problem)->view;
+        const double *point = required<double>(x, 1, "x"), *goal = required<double>(zeta, 1, "zeta");
+        if (length_of(x.ptr()) != view.unknowns || length_of(zeta.ptr()) != view.unknowns)
+          throw nb::value_error("x or zeta does not fit the problem.");
+        return kernels().proven_optimal(view, point, goal, accept, rank_tolerance, thread_workspace());
+      },
+      nb::arg("problem"), nb::arg("x"), nb::arg("zeta"), nb::arg("accept"), nb::arg("rank_tolerance"),
+      "Whether x (n,) is proven to be the lexicographic optimum nearest to zeta (n,); False proves nothing.");
+
+  module.def(
       "active_set",
       [](nb::object problem, nb::object secondary, double rank_tolerance, int limit, bool least_violation, nb::object x,
          nb::object side) {

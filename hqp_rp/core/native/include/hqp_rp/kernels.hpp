@@ -3,6 +3,7 @@
 
 #include "hqp_rp/damping.hpp"
 #include "hqp_rp/problem.hpp"
+#include "hqp_rp/qp_stages.hpp"
 #include "hqp_rp/workspace.hpp"
 
 namespace hqp {
@@ -26,6 +27,11 @@ struct Kernels {
   Outcome (*null_space)(const Problem&, const double* z, double rank_tolerance, const Damping&, double* x, Workspace&);
   Outcome (*reverse_priority)(const Problem&, const double* z, double rank_tolerance, const Damping&, double* x, Workspace&);
   Outcome (*active_set)(ActiveSetCall&, Workspace&);
+  bool (*proven_optimal)(const Problem&, const double* x, const double* zeta, double accept, double rank_tolerance, Workspace&);
+  QPStages* (*make_qp_cascade)(int unknowns, int hard_rows, const std::int64_t* offsets, int levels);
+  // A QP's answer (t, y) refined on its active rows: M (curved, n), c (curved,), rows (m, n), bounds (m,).
+  void (*polish)(const double* M, int curved, const double* c, const double* rows, const double* lower, const double* upper, int m, int n,
+                 int soft, double* t, double* y, Workspace&);
   void (*null_space_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
   void (*reverse_priority_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
 };

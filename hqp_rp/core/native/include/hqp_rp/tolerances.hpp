@@ -63,4 +63,58 @@ constexpr double guess_violated = 1e-9;
 constexpr double guess_dependent = 1e-12;
 constexpr double guess_elimination = 1e-8;
 
+// --- quick proof that an answer is optimal ----------------------------------------------------------------------------------
+
+// What a move d costs, beside what it removes from a level: this times ||A_k|| ||d||, as in `certify`.
+constexpr double step_cost = 1e-5;
+
+// Half of the least that `certify` allows for what rounding turns.
+constexpr double proof_noise = 8.0 * eps;
+
+// A multiplier above this part of its level's pull keeps its row at the bound for every later level.
+constexpr double firm = 1e-4;
+
+// What is left of a row's normal, of length one, when judged levels hold it already.
+constexpr double short_normal = 1e-9;
+
+// What is left of a firm row's normal, of length one, when it depends on rows that are fixed already.
+constexpr double dependent_normal = 1e-10;
+
+// Rows this near to a bound, relative, count as active whatever tolerance is asked for.
+constexpr double near_bound = 1e-9;
+
+// A weight that a step has brought to this part of what it was is zero.
+constexpr double vanished_weight = 1e-15;
+
+// --- cascade of QPs ---------------------------------------------------------------------------------------------------------
+
+// Up to this condition a level's own triangle is the QP's curvature as it is; beyond, its singular directions are scaled.
+constexpr double qp_condition = 100.0;
+
+// Singular directions are scaled up to this part of the largest singular value, by at most `qp_largest_scale`, so that kept rows do not
+// blow up near a singularity.
+constexpr double qp_scaled = 1e-2;
+constexpr double qp_largest_scale = 1e3;
+
+// A kept row, of length one, with no more than this left in the free directions is rounding noise.
+constexpr double qp_unfelt = 1e-10;
+
+// The same once a stage is finished: such a row is used up.
+constexpr double qp_used_up = 1e-12;
+
+// A row whose multiplier or violation in a QP of size one exceeds this stays where it is at later levels.
+constexpr double qp_strong = 1e-6;
+
+// Polishing: multipliers and violations above this count as active at first; rounding of rows, relative to their terms; rows of length
+// one that depend on others; the rank of the least squares; how far active rows may miss; how much worse the objective may become.
+constexpr double polish_active = 1e-7;
+constexpr double polish_feasible = 1e-13;
+constexpr double polish_dependent = 1e-10;
+constexpr double polish_rank = 1e-12;
+constexpr double polish_missed = 1e-11;
+constexpr double polish_worse = 1e-7;
+
+// A bound at or beyond this is none: the convention of ProxQP and OSQP.
+constexpr double no_bound = 1e20;
+
 }  // namespace hqp::tolerance

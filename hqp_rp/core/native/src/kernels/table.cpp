@@ -12,6 +12,9 @@ const Kernels table{
     .null_space = call_null_space,
     .reverse_priority = call_reverse_priority,
     .active_set = call_active_set,
+    .proven_optimal = call_proven_optimal,
+    .make_qp_cascade = make_qp_cascade,
+    .polish = call_polish,
     .null_space_batch = call_null_space_batch,
     .reverse_priority_batch = call_reverse_priority_batch,
 };

@@ -15,6 +15,12 @@ void call_reverse_priority_batch(const Batch&, double, const Damping&, Workspace
 
 Outcome call_active_set(ActiveSetCall&, Workspace&);
 
+bool call_proven_optimal(const Problem&, const double*, const double*, double, double, Workspace&);
+
+QPStages* make_qp_cascade(int, int, const std::int64_t*, int);
+
+void call_polish(const double*, int, const double*, const double*, const double*, const double*, int, int, int, double*, double*, Workspace&);
+
 // Calls with a width known to the compiler where rows fit one or two lanes.
 template <class Function>
 HQP_INLINE auto with_width(int n, Function function) {
