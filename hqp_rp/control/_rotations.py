@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hqp_rp.core import _native
 from hqp_rp.core.problem import FloatArray
 
 
@@ -13,10 +14,7 @@ def rotation_log(R: FloatArray) -> FloatArray:
     Through the quaternion of Shepperd 1978 (the largest of four forms), so it keeps full accuracy near angle 0 and near
     pi. At exactly pi both r and -r are right: the one whose largest component is positive is returned.
     """
-    from hqp_rp.core.kernels.rotation import rotation_vector
-
-    r = np.empty(3)
-    rotation_vector(np.array(R, dtype=np.float64), r)
+    r: FloatArray = _native.rotation_vector(np.ascontiguousarray(R, dtype=np.float64))
     return r
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._assembly import LIMIT, Assembly
+from hqp_rp.control._stack_rows import LIMIT, StackRows
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.reference import Reference
@@ -142,7 +142,7 @@ class InteractionController:
         self._stop_time = positive_number(stop_time, "stop_time")
         self._accepted = (Status.SOLVED, Status.INACCURATE) if accept_inaccurate else (Status.SOLVED,)
         self._scale_into = [(LIMIT, limit) for limit in scale_into]
-        self._scale_rows: Assembly | None = None
+        self._scale_rows: StackRows | None = None
         self._robot: Robot | None = None
         self._running_since_start = False
         self._restart()
@@ -294,7 +294,7 @@ class InteractionController:
             scale = _shortened(x, problem.hard.A, problem.hard.lower, problem.hard.upper)
         if self._scale_into:
             if self._scale_rows is None or self._scale_rows.robot is not robot:
-                self._scale_rows = Assembly(self._scale_into, robot, True, repr)
+                self._scale_rows = StackRows(self._scale_into, robot, True, repr)
             scale = min(scale, _shortened(x, *self._scale_rows.rows(dt, motion)))
         return scale
 

@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import positive_number, real_array
-from hqp_rp.control._compiled import CompiledLimit, Layout
+from hqp_rp.control._native_rows import NativeLimit, Layout
 from hqp_rp.control._coordinates import coordinate_index
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
-from hqp_rp.core.kernels.row_kinds import BOX
+from hqp_rp.core.row_kinds import BOX
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
 
-class JointLimit(CompiledLimit):
+class JointLimit(NativeLimit):
     """One box `lower <= v <= upper` from position, velocity and acceleration limits; it is never empty.
 
     Per joint, with position q in [l, u], velocity limit V, acceleration limit A, step dt, and u' the velocity before::

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import joint_indices, real_array
-from hqp_rp.control._compiled import CompiledLimit, Layout
+from hqp_rp.control._native_rows import NativeLimit, Layout
 from hqp_rp.core.errors import RobotError, SettingError
-from hqp_rp.core.kernels.row_kinds import BOX
+from hqp_rp.core.row_kinds import BOX
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
@@ -42,7 +42,7 @@ class Limit(Protocol):
         ...
 
 
-class VelocityLimit(CompiledLimit):
+class VelocityLimit(NativeLimit):
     """`-limit <= v <= limit` for every velocity.
 
     Args:

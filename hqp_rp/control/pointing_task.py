@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector, frame_name
-from hqp_rp.control._compiled import Layout
+from hqp_rp.control._native_rows import Layout
 from hqp_rp.control._rotations import skew
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.kernels.row_kinds import POINTING
+from hqp_rp.core.row_kinds import POINTING
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_rows, finite_vector, positive_number, real_array
-from hqp_rp.control._compiled import CompiledRows
+from hqp_rp.control._native_rows import NativeRows
 from hqp_rp.control.admittance import AdmittanceLaw
 from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import Wrench
@@ -193,7 +193,7 @@ class Reference(abc.ABC):
         return self._twist.jacobian(robot)
 
     @property
-    def compiled(self) -> CompiledRows | None:
+    def native(self) -> NativeRows | None:
         """The task that carries the rate; None where a subclass has an `evaluate` of its own."""
         return self._twist.compiled if type(self).evaluate is Reference.evaluate else None
 

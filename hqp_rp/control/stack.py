@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._assembly import LIMIT, MINK_TASK, TASK, Assembly
+from hqp_rp.control._stack_rows import LIMIT, MINK_TASK, TASK, StackRows
 from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
-from hqp_rp.core.description import block_of
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -52,8 +51,7 @@ class Stack:
     """
 
     __slots__ = (
-        "_assembly",
-        "_block",
+        "_rows",
         "_configurations",
         "_counts",
         "_ends",
@@ -88,11 +86,10 @@ class Stack:
         self._names = _level_names(names, adapted)
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
-        self._assembly: Assembly | None = None
+        self._rows: StackRows | None = None
         # Of the levels, and of the levels below the hard rows; how many of these there are.
         self._counts: list[int] = []
         self._offsets = (np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
-        self._block = np.zeros(0, dtype=np.int64)
 
     @property
     def levels(self) -> tuple[tuple[Item, ...], ...]:
@@ -124,9 +121,9 @@ class Stack:
             RobotError: a frame or joint that the robot does not have.
             ProblemError: rows that do not fit together or are not finite; it names the level and the item.
         """
-        assembly = self._assembly
-        if assembly is None or assembly.robot is not robot:
-            assembly = self._meet(robot)
+        rows = self._rows
+        if rows is None or rows.robot is not robot:
+            rows = self._meet(robot)
         if dt is None:
             if self._needs_dt:
                 raise SettingError(
@@ -139,12 +136,15 @@ class Stack:
         if self._configurations is not None:
             self._configurations.expire()
 
-        block = self._block.copy()
-        matrix, lower, upper, _ = assembly.described(dt, v, False, block)
-        if assembly.counts is not self._counts:
-            self._count(assembly)
+        matrix, lower, upper = rows.rows(dt, v)
+        if rows.counts is not self._counts:
+            self._count(rows)
         equality = not self._two_sided
-        return Problem.from_rows(matrix, lower, upper, self._offsets[0], self._names, int(self._offsets[1][1]), equality)
+        offsets, below = self._offsets
+        problem = Problem.from_rows(matrix, lower, upper, offsets, self._names, int(below[1]), equality)
+        if self._hard and not problem.hard_rows:  # limits without a row at present
+            problem.kept = {"hard": Level(np.zeros((0, robot.nv)), [], [], name="limits")}
+        return problem
 
     def batch(
         self,
@@ -157,7 +157,7 @@ class Stack:
     ) -> tuple[FloatArray, FloatArray, FloatArray | None, IntArray]:
         """The problems at many configurations, as `hqp_rp.solve_batch` takes them: A, lower, upper, offsets.
 
-        Where all items are the library's own tasks, their rows come from one compiled call; on a robot made from a `DHArm`
+        Where all items are the library's own tasks, their rows come from one native call; on a robot made from a `DHArm`
         its kinematics do as well (see `hqp_rp.robot.frame_batch`). Otherwise the robot is moved from one configuration to
         the next. It is put back where it was.
 
@@ -177,18 +177,18 @@ class Stack:
             raise SettingError(
                 f"{self!r} has hard limits, which a batch cannot hold; list them as a level, or call problem() for each q."
             )
-        assembly = self._assembly
-        if assembly is None or assembly.robot is not robot:
-            assembly = self._meet(robot)
+        rows = self._rows
+        if rows is None or rows.robot is not robot:
+            rows = self._meet(robot)
         configurations = np.array(q, dtype=np.float64)
         if configurations.ndim != 2 or configurations.shape[1] != robot.nq or not len(configurations):
             raise RobotError(f"q has shape {configurations.shape}; it must be (N, {robot.nq}) with N at least 1.")
-        if assembly.is_compiled and not self._needs_dt:
+        if rows.is_native and not self._needs_dt:
             if not np.isfinite(configurations).all():
                 i, j = np.argwhere(~np.isfinite(configurations))[0]
                 raise RobotError(f"q[{i}, {j}] is {configurations[i, j]}; every entry must be finite.")
-            A, lower = assembly.many(configurations, threads)
-            self._count(assembly)
+            A, lower = rows.many(configurations, threads)
+            self._count(rows)
             return A, lower, None, self._offsets[0]
         before = robot.q
         try:
@@ -210,15 +210,14 @@ class Stack:
         )
         return A, lower, None if all(problem.is_equality for problem in problems) else upper, offsets
 
-    def _count(self, assembly: Assembly) -> None:
+    def _count(self, rows: StackRows) -> None:
         """Find where levels begin and end, from the rows of each item: hard ones first."""
-        ends = np.cumsum([0, *assembly.counts])
+        ends = np.cumsum([0, *rows.counts])
         below = ends[[0, len(self._hard), *(len(self._hard) + end for end in self._ends)]]
-        self._offsets = offsets, _ = (below[1:] - below[1], below)
-        self._block = block_of(offsets, int(below[1]), assembly.robot.nv)
-        self._counts = assembly.counts
+        self._offsets = (below[1:] - below[1], below)
+        self._counts = rows.counts
 
-    def _meet(self, robot: Robot) -> Assembly:
+    def _meet(self, robot: Robot) -> StackRows:
         """What makes the rows on this robot, once it is seen to have what the items name."""
         if not isinstance(robot, Robot):
             raise RobotError(
@@ -228,9 +227,9 @@ class Stack:
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
         two_sided = self._two_sided or bool(self._hard)
-        self._assembly = assembly = Assembly((*self._hard, *self._items), robot, two_sided, self._where)
-        self._count(assembly)
-        return assembly
+        self._rows = rows = StackRows((*self._hard, *self._items), robot, two_sided, self._where)
+        self._count(rows)
+        return rows
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import per_row
-from hqp_rp.control._compiled import CompiledTask, Layout
+from hqp_rp.control._native_rows import NativeTask, Layout
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
@@ -31,7 +31,7 @@ class Task(Protocol):
         ...
 
 
-class FeedbackTask(CompiledTask):
+class FeedbackTask(NativeTask):
     """A task with an error to drive to zero: `J v = feedforward + gain * error`, rows scaled by `weight`.
 
     The error is what is missing (target minus actual). With a constant target, d(error)/dt = -J v unless the task's own

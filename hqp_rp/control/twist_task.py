@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_numbers, axis_rows, finite_vector, frame_name, per_row
-from hqp_rp.control._compiled import CompiledTask, Layout
-from hqp_rp.core.kernels.row_kinds import TWIST
+from hqp_rp.control._native_rows import NativeTask, Layout
+from hqp_rp.core.row_kinds import TWIST
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
 
-class TwistTask(CompiledTask):
+class TwistTask(NativeTask):
     """Move a frame at a given velocity along chosen axes: `(R_f^T J)[axes] v = velocity`.
 
     J is the geometric Jacobian (velocity of the frame's origin over angular velocity) and R_f holds the axes of

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar, final
 import numpy as np
 
 from hqp_rp.core import _native
-from hqp_rp.core.description import described, require_arrays
+from hqp_rp.core.arrays import require_arrays
 from hqp_rp.core.errors import ProblemError
 from hqp_rp.core.level import FloatArray, IntArray, Level, checked_levels, frozen, split_levels
 
@@ -214,11 +214,6 @@ class Problem(_native.Problem):
                     np.concatenate((self.hard.upper, rows[2])),
                 )
         return Stacked(*rows, np.concatenate((np.zeros(1, np.int64), self.given_offsets + self.hard_rows)))
-
-    @property
-    def address(self) -> int:
-        """Where `hqp_rp.core.kernels.direct` finds this problem described, as long as it lives."""
-        return self._once("described", lambda: described(self))[1]
 
     def _views(self) -> Iterator[Level]:
         for k in range(self.p):

@@ -93,7 +93,8 @@ def verified(
         if conflict:
             return Solution(problem, None, Status.INFEASIBLE, run.iterations, conflict, secondary)
         if broken:
-            return Solution(problem, None, Status.INACCURATE, run.iterations, " ".join([fault, *run.remarks]), secondary)
+            unsure = Status.ITERATION_LIMIT if run.hit_limit else Status.INACCURATE
+            return Solution(problem, None, unsure, run.iterations, " ".join([fault, *run.remarks]), secondary)
     status = Status.SOLVED
     if fault:
         status = Status.ITERATION_LIMIT if run.hit_limit else Status.INACCURATE

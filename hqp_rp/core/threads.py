@@ -1,4 +1,4 @@
-"""One piece of work over many items, shared among threads: for compiled code, which runs without the interpreter's lock."""
+"""One piece of work over many items, shared among threads: for native code, which runs without the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -31,7 +31,6 @@ def in_shares(work: Callable[[slice], None], count: int, threads: int | None, *,
     if len(spans) == 1:
         work(spans[0])
         return
-    work(slice(0, 1))  # compiles, once, before threads start
     with concurrent.futures.ThreadPoolExecutor(len(spans)) as pool:
         for done in [pool.submit(work, span) for span in spans]:
             done.result()

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.core import _native
 from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.threads import in_shares
@@ -203,8 +204,6 @@ class DHArm:
 
         Raises `RobotError` as `pose`, and `SettingError` for threads that are no number of threads.
         """
-        from hqp_rp.core.kernels.serial_arm import serial_arm
-
         index = self._index(frame)
         q = self._checked(q)
         Q = q.reshape(-1, self.n)
@@ -212,7 +211,7 @@ class DHArm:
         jacobians = np.empty((len(Q), 6, self.n))
 
         def work(span: slice) -> None:
-            serial_arm(Q[span], *self._rows, index, rotations[span], origins[span], jacobians[span])
+            _native.serial_arm(Q[span], *self._rows, index, rotations[span], origins[span], jacobians[span])
 
         in_shares(work, len(Q), threads, least=_WORTH_A_THREAD)
         return (
@@ -233,7 +232,7 @@ class DHArm:
         return names.index(frame)
 
     def _checked(self, q: ArrayLike) -> FloatArray:
-        values = np.array(q, dtype=np.float64)  # a copy: kernels take writable arrays
+        values = np.array(q, dtype=np.float64)
         if values.ndim < 1 or values.shape[-1] != self.n:
             raise RobotError(f"q has shape {values.shape}; the arm {self.name!r} takes (..., {self.n}).")
         if not np.isfinite(values).all():

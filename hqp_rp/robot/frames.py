@@ -9,8 +9,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.core import _native
 from hqp_rp.core.errors import RobotError, unknown_name
-from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 
 _FLOAT64 = np.dtype(np.float64)
@@ -74,13 +75,11 @@ class Frames:
         names: (F,) as given. rotations: (F, 3, 3) to the world. origins: (F, 3) m.
         jacobians: (F, 6, nv), linear over angular velocity, both in world axes, as `Robot.jacobian`; of the centre of
             mass the angular half is 0.
-        tree: what `hqp_rp.core.kernels.tree` needs to do the work of `read` in compiled code; None where only Python can.
-        bodies: rows of the room that it needs.
+        kinematics: what does the work of `read` natively; None where only Python can.
         q: (nq,) the array in which the robot's library keeps the configuration, or None.
     """
 
-    tree: IntArray | None = None
-    bodies: int = 0
+    kinematics: _native.Kinematics | None = None
     q: FloatArray | None = None
 
     def __init__(self, robot: Robot, names: tuple[str | Point, ...]) -> None:

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.core import _native
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.dh import DHArm
@@ -17,7 +18,7 @@ from hqp_rp.robot.frames import FrameTable, Point, checked_limit, checked_vector
 from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, urdf_velocity_limits
 from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_arm import arm_spec
-from hqp_rp.robot.mujoco_frames import FrameMemory, MujocoFrames
+from hqp_rp.robot.mujoco_frames import MujocoFrames, kinematics_of
 from hqp_rp.robot.mujoco_model import geometry, model_name, position_limits, quaternions
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
@@ -83,7 +84,7 @@ class MujocoRobot(ModelRobot):
         self._site_pose = (data.site_xmat.reshape(-1, 3, 3), data.site_xpos)
         fixed = np.flatnonzero(model.body_treeid < 0)
         self._moving_mass = float(model.body_subtreemass[0] - model.body_mass[fixed].sum())
-        self._memories: dict[int | None, FrameMemory] = {}
+        self._kinematics: dict[int | None, _native.Kinematics] = {}
         self._pose_room = (np.empty((1, 3, 3)), np.empty((1, 3)))
         neutral = model.qpos0 if neutral is None else neutral
         self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
@@ -197,9 +198,9 @@ class MujocoRobot(ModelRobot):
     def jacobian(self, frame: str) -> FloatArray:
         """(6, nv): linear velocity of the frame's origin over angular velocity, both in world axes, per unit v."""
         # The way in which a stack's rows are made: rows that say the same are then the same, to the last bit.
-        memory = self._memories.get(self._frame(frame)) or self._memory_of((frame,))
+        kinematics = self._kinematics.get(self._frame(frame)) or self._kinematics_of((frame,))
         jacobian: FloatArray = np.zeros((6, self._nv))
-        memory.read(*self._pose_room, jacobian[None])
+        kinematics.read(*self._pose_room, jacobian[None])
         return jacobian
 
     def frame_reader(self, names: tuple[str | Point, ...]) -> MujocoFrames:
@@ -282,20 +283,20 @@ class MujocoRobot(ModelRobot):
         return True
 
     def _center_of_mass(self) -> tuple[FloatArray, FloatArray]:
-        memory = self._memories.get(None) or self._memory_of((Point.CENTER_OF_MASS,))
+        kinematics = self._kinematics.get(None) or self._kinematics_of((Point.CENTER_OF_MASS,))
         origin, jacobian = np.empty(3), np.zeros((6, self._nv))
-        memory.read(self._pose_room[0], origin[None], jacobian[None])
+        kinematics.read(self._pose_room[0], origin[None], jacobian[None])
         return origin, jacobian[:3]
 
-    def _memory_of(self, names: tuple[str | Point, ...]) -> FrameMemory:
+    def _kinematics_of(self, names: tuple[str | Point, ...]) -> _native.Kinematics:
         """What reads these frames; of a single one it is kept."""
         if Point.CENTER_OF_MASS in names:
             self._require_mass()
         numbers = [None if isinstance(name, Point) else self._frame(name) for name in names]
-        memory = FrameMemory(self._model, self._data, numbers, self._moving_mass)
+        kinematics = kinematics_of(self._model, self._data, numbers, self._moving_mass)
         if len(numbers) == 1:
-            self._memories[numbers[0]] = memory
-        return memory
+            self._kinematics[numbers[0]] = kinematics
+        return kinematics
 
     def _complete(self) -> None:
         """What only dynamics need of the configuration, when first asked for: dof axes and inertias."""

@@ -120,7 +120,7 @@ def test_what_is_kept_changes_no_digit_and_is_no_setting() -> None:
     assert repr(solver) == repr(Daqp())
     assert pickle.loads(pickle.dumps(solver)) == solver
     solver.reset()
-    assert not solver._rooms.kept
+    assert not solver._models.kept
 
 
 def test_settings_out_of_range() -> None:

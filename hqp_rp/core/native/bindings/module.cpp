@@ -16,4 +16,5 @@ NB_MODULE(_native, module) {
   hqp::python::bind_closed_forms(module);
   hqp::python::bind_active_set(module);
   hqp::python::bind_qp_cascade(module);
+  hqp::python::bind_task_rows(module);
 }

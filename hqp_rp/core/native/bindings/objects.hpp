@@ -40,5 +40,6 @@ void bind_objects(nb::module_& module);
 void bind_closed_forms(nb::module_& module);
 void bind_active_set(nb::module_& module);
 void bind_qp_cascade(nb::module_& module);
+void bind_task_rows(nb::module_& module);
 
 }  // namespace hqp::python

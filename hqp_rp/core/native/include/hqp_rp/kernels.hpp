@@ -22,6 +22,12 @@ struct ActiveSetCall {
   bool delicate = false;         // a pivot was so small that rounding may have decided which rows are active
 };
 
+// Denavit-Hartenberg rows of a serial arm, (joints,) each.
+struct SerialArm {
+  int joints = 0;
+  const double *d = nullptr, *a = nullptr, *cos_alpha = nullptr, *sin_alpha = nullptr;
+};
+
 struct Kernels {
   const char* instruction_set;
   Outcome (*null_space)(const Problem&, const double* z, double rank_tolerance, const Damping&, double* x, Workspace&);
@@ -32,6 +38,9 @@ struct Kernels {
   // A QP's answer (t, y) refined on its active rows: M (curved, n), c (curved,), rows (m, n), bounds (m,).
   void (*polish)(const double* M, int curved, const double* c, const double* rows, const double* lower, const double* upper, int m, int n,
                  int soft, double* t, double* y, Workspace&);
+  // Pose and Jacobian of a frame at Q (N, joints): rotations (N, 3, 3), origins (N, 3), jacobians (N, 6, joints).
+  void (*serial_arm)(const SerialArm&, const double* Q, std::int64_t N, int frame, double* rotations, double* origins, double* jacobians,
+                     Workspace&);
   void (*null_space_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
   void (*reverse_priority_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
 };

@@ -117,4 +117,9 @@ constexpr double polish_worse = 1e-7;
 // A bound at or beyond this is none: the convention of ProxQP and OSQP.
 constexpr double no_bound = 1e20;
 
+// --- rows of tasks ---------------------------------------------------------------------------------------------------------
+
+// Half angles below this, in rad, have a series whose second term is lost in rounding.
+constexpr double small_angle = 1e-9;
+
 }  // namespace hqp::tolerance

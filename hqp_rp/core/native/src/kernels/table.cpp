@@ -15,6 +15,7 @@ const Kernels table{
     .proven_optimal = call_proven_optimal,
     .make_qp_cascade = make_qp_cascade,
     .polish = call_polish,
+    .serial_arm = call_serial_arm,
     .null_space_batch = call_null_space_batch,
     .reverse_priority_batch = call_reverse_priority_batch,
 };

@@ -21,6 +21,8 @@ QPStages* make_qp_cascade(int, int, const std::int64_t*, int);
 
 void call_polish(const double*, int, const double*, const double*, const double*, const double*, int, int, int, double*, double*, Workspace&);
 
+void call_serial_arm(const SerialArm&, const double*, std::int64_t, int, double*, double*, double*, Workspace&);
+
 // Calls with a width known to the compiler where rows fit one or two lanes.
 template <class Function>
 HQP_INLINE auto with_width(int n, Function function) {

@@ -12,7 +12,7 @@ from hqp_rp.robot.frames import Point
 from hqp_rp.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from hqp_rp.control._assembly import Assembly
+    from hqp_rp.control._stack_rows import StackRows
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Layout:
     """What of the rows does not change from step to step.
 
     Attributes:
-        kind: one of `hqp_rp.core.kernels.row_kinds`. rows: m.
+        kind: one of `hqp_rp.core.row_kinds`. rows: m.
         index: for each row an axis (0 ... 5), a velocity index, or, of a box, a place in q (-1: none); of a posture then for
             each row a place in q, unless `difference`.
         frame: the frame that moves. axes: the frame whose axes are meant, None for the world.
@@ -37,12 +37,12 @@ class Layout:
     accelerated: bool = False
 
 
-class CompiledRows(abc.ABC):
+class NativeRows(abc.ABC):
     """Rows stated as numbers. Every setter must reset `_packed`."""
 
     __slots__ = ("_alone", "_packed", "_packed_on")
 
-    _alone: Assembly | None
+    _alone: StackRows | None
     _packed: FloatArray | None
     _packed_on: Robot
 
@@ -53,7 +53,7 @@ class CompiledRows(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def compiled(self) -> CompiledRows | None:
+    def native(self) -> NativeRows | None:
         """Itself, or None where a subclass makes its rows in a way of its own."""
 
     @abc.abstractmethod
@@ -76,24 +76,24 @@ class CompiledRows(abc.ABC):
             "stack.problem(robot, dt, v); zeros for a robot at rest."
         )
 
-    def _by_itself(self, robot: Robot, kind: int) -> Assembly:
+    def _by_itself(self, robot: Robot, kind: int) -> StackRows:
         alone = self._alone
         if alone is None or alone.robot is not robot:
-            from hqp_rp.control._assembly import LIMIT, Assembly
+            from hqp_rp.control._stack_rows import LIMIT, StackRows
 
-            alone = self._alone = Assembly(((kind, _Itself(self)),), robot, kind == LIMIT, repr)
+            alone = self._alone = StackRows(((kind, _Itself(self)),), robot, kind == LIMIT, repr)
         return alone
 
 
-class CompiledTask(CompiledRows):
+class NativeTask(NativeRows):
     """A task; its numbers begin with gain and weight, one for each row."""
 
     __slots__ = ()
 
     @property
-    def compiled(self) -> CompiledRows | None:
+    def native(self) -> NativeRows | None:
         """The task itself, or None where a subclass has an `evaluate` of its own."""
-        return self if type(self).evaluate is CompiledTask.evaluate else None
+        return self if type(self).evaluate is NativeTask.evaluate else None
 
     def jacobian(self, robot: Robot) -> FloatArray:
         """(m, nv) Jacobian at the robot's current configuration, before the weight."""
@@ -104,25 +104,25 @@ class CompiledTask(CompiledRows):
         return self._evaluated(robot, plain=False)
 
     def _evaluated(self, robot: Robot, *, plain: bool) -> tuple[FloatArray, FloatArray]:
-        from hqp_rp.control._assembly import TASK
+        from hqp_rp.control._stack_rows import TASK
 
         matrix, rate, _ = self._by_itself(robot, TASK).rows(plain=plain)
         return matrix, rate
 
 
-class CompiledLimit(CompiledRows):
+class NativeLimit(NativeRows):
     """A limit on every velocity: a box."""
 
     __slots__ = ()
 
     @property
-    def compiled(self) -> CompiledRows | None:
+    def native(self) -> NativeRows | None:
         """The limit itself, or None where a subclass has `rows` of its own."""
-        return self if type(self).rows is CompiledLimit.rows else None
+        return self if type(self).rows is NativeLimit.rows else None
 
     def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The identity (nv, nv), lower (nv,) and upper (nv,), rad/s or m/s; v is the velocity before this step."""
-        from hqp_rp.control._assembly import LIMIT
+        from hqp_rp.control._stack_rows import LIMIT
 
         return self._by_itself(robot, LIMIT).rows(dt, v)
 
@@ -130,8 +130,8 @@ class CompiledLimit(CompiledRows):
 class _Itself:
     """An item that is compiled, whatever its class makes of `evaluate` or `rows`."""
 
-    def __init__(self, rows: CompiledRows) -> None:
-        self.compiled = rows
+    def __init__(self, rows: NativeRows) -> None:
+        self.native = rows
 
     def __repr__(self) -> str:
-        return repr(self.compiled)
+        return repr(self.native)

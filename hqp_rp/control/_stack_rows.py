@@ -1,6 +1,6 @@
 """The rows of many tasks and limits in one matrix, checked: the inner part of `Stack.problem`.
 
-The library's own tasks and joint limits state what they want as numbers, and one compiled call makes the rows of all of them;
+The library's own tasks and joint limits state what they want as numbers, and one native call makes the rows of all of them;
 other tasks and limits, and mink's, give theirs one by one.
 """
 
@@ -14,12 +14,13 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hqp_rp.control._checks import real_array
-from hqp_rp.control._compiled import CompiledRows
-from hqp_rp.control._plan import Plan
-from hqp_rp.core.description import unknown_block
+from hqp_rp.control._native_rows import Layout, NativeRows
+from hqp_rp.core import _native
 from hqp_rp.core.errors import ProblemError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.row_kinds import BOX, POSTURE
 from hqp_rp.core.threads import in_shares
+from hqp_rp.robot.frames import Point, frames_of
 from hqp_rp.robot.robot import Robot
 
 TASK, LIMIT, MINK_TASK = 0, 1, 2
@@ -32,7 +33,7 @@ _NONE = np.empty(0)
 _WORTH_A_THREAD = 500  # configurations that take longer than a thread to start
 
 
-class Assembly:
+class StackRows:
     """The rows of items on one robot.
 
     Args:
@@ -46,15 +47,28 @@ class Assembly:
     """
 
     __slots__ = (
+        "_accelerated",
+        "_differences",
+        "_fill",
+        "_frames",
+        "_index",
         "_items",
         "_n",
+        "_native",
+        "_numbers",
         "_others",
         "_own",
-        "_plan",
+        "_own_q",
+        "_packed",
+        "_packs",
+        "_read_frames",
         "_rows_of",
         "_shape",
+        "_table",
         "_total",
         "_two_sided",
+        "_v",
+        "_values",
         "_where",
         "counts",
         "robot",
@@ -63,19 +77,64 @@ class Assembly:
     def __init__(self, items: Sequence[tuple[int, Any]], robot: Robot, two_sided: bool, where: Where) -> None:
         self.robot, self._n = robot, robot.nv
         self._items, self._two_sided, self._where = tuple(items), two_sided, where
-        tasks = [(k, task) for k, (_, item) in enumerate(items) if (task := _compiled(item)) is not None]
+        tasks = [(k, task) for k, (_, item) in enumerate(items) if (task := _native_rows(item)) is not None]
         self._own = [k for k, _ in tasks]
         self._others = [(k, kind, item) for k, (kind, item) in enumerate(items) if k not in self._own]
-        self._plan = Plan([task for _, task in tasks], robot)
+        rows = self._lay_out([task for _, task in tasks])
         counts = [0] * len(self._items)
-        for k, rows in zip(self._own, self._plan.counts, strict=True):
-            counts[k] = rows
+        for k, count in zip(self._own, rows, strict=True):
+            counts[k] = count
         self._place(counts)
+
+    def _lay_out(self, tasks: list[NativeRows]) -> list[int]:
+        """Give the native rows their arrays, once; how many rows each task has."""
+        robot, n = self.robot, self._n
+        layouts = [task._layout(robot) for task in tasks]
+        names = dict.fromkeys(name for layout in layouts for name in (layout.frame, layout.axes) if name is not None)
+        frames = self._frames = frames_of(robot, tuple(names))
+        number: dict[str | Point | None, int] = {None: -1} | {name: i for i, name in enumerate(names)}
+        self._packs: list[tuple[Layout, slice]] = []
+        self._packed = [(task, _NONE) for task in tasks]
+        # The first that needs the velocity before the step.
+        pairs = list(zip(tasks, layouts, strict=True))
+        self._accelerated = next((task for task, layout in pairs if layout.accelerated), None)
+        self._differences: list[tuple[NativeRows, slice]] = []
+        nq = robot.nq if {POSTURE, BOX} & {layout.kind for layout in layouts} else 0
+        values = nq + 1 + n  # q, dt, the velocity before the step; then differences
+        table: list[list[int]] = []
+        index: list[int] = []
+        end = 0
+        for task, layout in pairs:
+            size = len(task._current(robot, layout))
+            table.append([layout.kind, layout.rows, 0, end, number[layout.frame], number[layout.axes], len(index)])
+            self._packs.append((layout, slice(end, end + size)))
+            end += size
+            index += layout.index
+            if layout.difference:  # minus what only the robot can subtract
+                self._differences.append((task, slice(values, values + n)))
+                index += [values + i for i in layout.index]
+                values += n
+            elif layout.kind == BOX:
+                index.append(nq)
+        self._table = np.array(table, dtype=np.int64).reshape(len(table), 7)
+        self._index = np.array(index, dtype=np.int64)
+        self._numbers, self._values = np.zeros(end), np.zeros(values)
+        self._v = self._values[nq + 1 : nq + 1 + n]
+        kinematics = frames.kinematics if names else None
+        kept_q = frames.q if nq else None
+        self._own_q = self._values[:nq] if nq and kept_q is None else None
+        self._read_frames = frames.read if names and kinematics is None else None
+        arrays = (self._table, self._index, self._numbers, self._values)
+        poses = (frames.rotations, frames.origins, frames.jacobians)
+        self._native = _native.Rows(*arrays, *poses, kinematics, kept_q, nq)
+        self._fill = self._native.fill
+        return [layout.rows for layout in layouts]
 
     def _place(self, counts: list[int]) -> None:
         """Give every item its rows."""
         ends = np.cumsum([0, *counts])
-        self._plan.table[:, 2] = ends[self._own]
+        self._table[:, 2] = ends[self._own]
+        self._native.place()
         self.counts, self._shape, self._total = counts, (int(ends[-1]), self._n), int(ends[-1])
         self._rows_of = [slice(a, b) for a, b in itertools.pairwise(ends.tolist())]
 
@@ -85,51 +144,70 @@ class Assembly:
         Args:
             dt: s; not None where an item needs it.
             v: (nv,) velocity before the step, or None.
-            plain: compiled tasks without weights, and with their errors in the place of rates.
+            plain: native tasks without weights, and with their errors in the place of rates.
 
         Raises `ProblemError` for rows that do not fit the robot, are not finite or have crossed bounds.
         """
-        return self.described(dt, v, plain, unknown_block())[:3]
-
-    def described(
-        self, dt: float | None, v: FloatArray | None, plain: bool, block: IntArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-        """`rows`, and the address of a block of `hqp_rp.core.description.block_of`, which now says where they are."""
         others = self._given(dt, v) if self._others else None
         # Fresh at each step: a problem that someone keeps must not change when the next one is built.
         matrix, lower = _empty(self._shape), _empty(self._total)
-        upper = _empty(self._total) if self._two_sided else _NONE
+        upper = _empty(self._total) if self._two_sided else None
         if others is not None:
             for k, A, low, high in others:
                 rows = self._rows_of[k]
                 matrix[rows], lower[rows] = A, low
-                if self._two_sided:
+                if upper is not None:
                     upper[rows] = high
-        address = self._plan.fill(matrix, lower, upper, dt, v, plain, block)
-        if not self._two_sided:
+        for task, packed in self._packed:
+            if task._packed is not packed:
+                self._pack()
+                break
+        if self._accelerated is not None or self._own_q is not None or self._read_frames is not None or self._differences:
+            self._ask(v)
+        sound = self._fill(matrix, lower, upper, 0.0 if dt is None else dt, plain)
+        if upper is None:
             upper = lower
-        if not address:
+        if not sound:
             self._refuse(matrix, lower, upper)
-        return matrix, lower, upper, address
+        return matrix, lower, upper
+
+    def _pack(self) -> None:
+        """Bring the numbers up to date: the rows are new, or a setter was called."""
+        for i, ((task, packed), (layout, span)) in enumerate(zip(self._packed, self._packs, strict=True)):
+            if task._packed is not packed:
+                current = task._current(self.robot, layout)
+                self._numbers[span] = current
+                self._packed[i] = task, current
+
+    def _ask(self, v: FloatArray | None) -> None:
+        """The velocity before the step, and what only the robot knows: poses and Jacobians, coordinates, differences."""
+        robot = self.robot
+        if self._accelerated is not None:
+            if v is None:
+                self._accelerated._require_velocity()
+            self._v[...] = v
+        if self._read_frames is not None:
+            self._read_frames()
+        if self._own_q is not None:
+            self._own_q[...] = robot.q
+        for task, span in self._differences:
+            self._values[span] = -robot.difference(robot.q, task.target)  # type: ignore[attr-defined]
 
     @property
-    def is_compiled(self) -> bool:
-        """Whether `many` serves: every row is a compiled task's, and no coordinate needs the robot to subtract it."""
-        return self._plan.is_compiled and not (self._others or self._two_sided)
+    def is_native(self) -> bool:
+        """Whether `many` serves: every row is a native task's, and no coordinate needs the robot to subtract it."""
+        return not (self._differences or self._others or self._two_sided)
 
     def many(self, q: FloatArray, threads: int | None) -> tuple[FloatArray, FloatArray]:
-        """Matrices (N, M, nv) and bounds (N, M) of equalities at q (N, nq), in one compiled call; errors as `rows`."""
-        from hqp_rp.core.kernels.task_rows import many_task_rows
-
-        plan = self._plan
-        plan.pack()
-        rotations, origins, jacobians = plan.frames.many(q, threads)
+        """Matrices (N, M, nv) and bounds (N, M) of equalities at q (N, nq), in one native call; errors as `rows`."""
+        self._pack()
+        rotations, origins, jacobians = self._frames.many(q, threads)
         matrices, lowers = np.empty((len(q), self._total, self._n)), np.empty((len(q), self._total))
-        fixed = (plan.table, plan.index, plan.numbers)
+        q = np.ascontiguousarray(q)
 
         def work(span: slice) -> None:
             moving = (rotations[span], origins[span], jacobians[span], q[span], matrices[span], lowers[span])
-            bad = many_task_rows(*fixed, *moving, _NONE)
+            bad = self._native.fill_many(*moving)
             if bad >= 0:
                 self._refuse(matrices[span][bad], lowers[span][bad], lowers[span][bad])
 
@@ -137,7 +215,7 @@ class Assembly:
         return matrices, lowers
 
     def _given(self, dt: float | None, v: FloatArray | None) -> list[tuple[int, Any, Any, Any]]:
-        """(number, matrix, lower, upper) of every item that is not compiled; where a count changed, rows are dealt anew."""
+        """(number, matrix, lower, upper) of every item that is not native; where a count changed, rows are dealt anew."""
         robot, n = self.robot, self._n
         found = []
         counts = self.counts
@@ -203,10 +281,10 @@ def _none() -> None:
     return None
 
 
-def _compiled(item: Any) -> CompiledRows | None:
-    """The compiled rows that an item is, or is made of; None where its own `evaluate` or `rows` has to be called."""
-    task = getattr(item, "compiled", None)
-    return task if isinstance(task, CompiledRows) else None
+def _native_rows(item: Any) -> NativeRows | None:
+    """The native rows that an item is, or is made of; None where its own `evaluate` or `rows` has to be called."""
+    task = getattr(item, "native", None)
+    return task if isinstance(task, NativeRows) else None
 
 
 def _misfit(A: FloatArray, lower: FloatArray, upper: FloatArray, n: int, place: str) -> ProblemError:

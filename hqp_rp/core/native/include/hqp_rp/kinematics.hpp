@@ -1,0 +1,93 @@
+// Poses and Jacobians of frames on a kinematic tree, read out of the memory in which a robot library keeps its state.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace hqp {
+
+// What a library computes at each step (poses, joint axes, anchors) stays where it is while its state lives: a step copies nothing and
+// calls no library. Whoever makes this keeps that memory alive.
+struct Kinematics {
+  struct Frame {
+    const double* rotation;   // (3, 3) to the world; null: the centre of mass of the moving bodies
+    const double* origin;     // (3,)
+    std::vector<int> dofs;    // that move it
+  };
+  struct Dof {
+    const double* axis;       // its entries `step` apart
+    int step;
+    const double* anchor;     // (3,)
+    bool turns;               // else it slides
+    int body;
+  };
+  struct Body {
+    int self, parent;
+    const double* mass;
+    const double* center;     // (3,) of mass
+  };
+  std::vector<Frame> frames;
+  std::vector<Dof> dofs;
+  std::vector<Body> bodies;   // moving ones, leaves first
+  double mass = 0.0;          // of all moving bodies
+  std::vector<double> carried;  // (number of bodies, 4): moment and mass of a body with all that it carries
+
+  // Rotations (F, 3, 3), origins (F, 3) and world Jacobians (F, 6, n), linear over angular. Column j of a frame with origin p, moved by
+  // a dof with axis a and anchor c: [a x (p - c); a] if it turns, [a; 0] if it slides. Entries that are always zero are left as they are.
+  void read(double* rotations, double* origins, double* jacobians) {
+    const std::size_t n = dofs.size();
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+      const Frame& frame = frames[f];
+      double *R = rotations + 9 * f, *p = origins + 3 * f, *J = jacobians + 6 * n * f;
+      if (!frame.rotation) {
+        center_of_mass(p, J);
+        continue;
+      }
+      for (int i = 0; i < 9; ++i) R[i] = frame.rotation[i];
+      for (int i = 0; i < 3; ++i) p[i] = frame.origin[i];
+      for (const int j : frame.dofs) {
+        const Dof& dof = dofs[j];
+        const double x = dof.axis[0], y = dof.axis[dof.step], z = dof.axis[2 * dof.step];
+        if (!dof.turns) {
+          J[j] = x, J[n + j] = y, J[2 * n + j] = z;
+          continue;
+        }
+        const double u = p[0] - dof.anchor[0], v = p[1] - dof.anchor[1], w = p[2] - dof.anchor[2];
+        J[j] = y * w - z * v, J[n + j] = z * u - x * w, J[2 * n + j] = x * v - y * u;
+        J[3 * n + j] = x, J[4 * n + j] = y, J[5 * n + j] = z;
+      }
+    }
+  }
+
+  // Centre of mass c (3,) and the linear half of J (6, n). With the mass m_j and the centre c_j of all that dof j carries:
+  // J_j = m_j / m a x (c_j - anchor) if it turns, m_j / m a if it slides.
+  void center_of_mass(double* c, double* J) {
+    const std::size_t n = dofs.size();
+    for (double& v : carried) v = 0.0;
+    c[0] = c[1] = c[2] = 0.0;
+    for (const Body& body : bodies) {  // leaves first: a body is complete when its parent takes it
+      double *own = &carried[4 * body.self], *parent = &carried[4 * body.parent];
+      own[3] += *body.mass;
+      parent[3] += own[3];
+      for (int k = 0; k < 3; ++k) {
+        const double moment = *body.mass * body.center[k];
+        own[k] += moment;
+        parent[k] += own[k];
+        c[k] += moment / mass;
+      }
+    }
+    for (std::size_t j = 0; j < n; ++j) {
+      const Dof& dof = dofs[j];
+      const double x = dof.axis[0] / mass, y = dof.axis[dof.step] / mass, z = dof.axis[2 * dof.step] / mass;
+      const double* own = &carried[4 * dof.body];
+      if (!dof.turns) {
+        J[j] = own[3] * x, J[n + j] = own[3] * y, J[2 * n + j] = own[3] * z;
+        continue;
+      }
+      const double u = own[0] - own[3] * dof.anchor[0], v = own[1] - own[3] * dof.anchor[1], w = own[2] - own[3] * dof.anchor[2];
+      J[j] = y * w - z * v, J[n + j] = z * u - x * w, J[2 * n + j] = x * v - y * u;
+    }
+  }
+};
+
+}  // namespace hqp
