@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from hqp_rp.core.closed_form import zeros
+from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.tolerances import SATURATED
 
 VARIANTS = ("basic", "optimal")
-_SATURATED = 1e-12  # relative: an unknown this near to its bound is held there
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
 
 
@@ -107,38 +107,22 @@ class SaturationNullSpace(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The SNS answer; see `Solver.solve`. A box without a point ends in `Status.INFEASIBLE`, its rows named."""
-        from hqp_rp.core.kernels import saturation, saturation_levels
-
         if not problem.is_equality:
             refusal = self._refusal(problem)
             if refusal is not None:
                 return refusal
-        n = problem.n
-        low, high = np.empty(n), np.empty(n)
-        hard = problem.hard
-        if hard is None or not hard.m:
-            low.fill(-np.inf)
-            high.fill(np.inf)
-        else:
-            first, second = saturation.box_of(
-                hard.A.copy(), hard.lower.copy(), hard.upper.copy(), low, high, np.empty((n, 2), np.int64)
-            )
+        if secondary is not None:
+            secondary = checked_secondary(secondary, problem.n)
+        found: Any = _native.saturation_null_space(problem, secondary, self.rank_tolerance, self.variant == "optimal")
+        if len(found) == 2:
+            first, second = found
             if first == -1:
                 return Solution(problem, None, Status.REFUSED, message=self.refuses(problem) or "")
-            if first >= 0:
-                message = f"Hard rows {first}, {second} contradict each other: no x meets both."
-                if second < 0:
-                    message = f"Hard row {first} is a row of zeros that no x meets."
-                return Solution(problem, None, Status.INFEASIBLE, 0, message, secondary)
-        matrix, rhs, _, offsets = problem.stacked
-        x, scales = np.empty(n), np.empty(problem.p)
-        free = zeros(n) if secondary is None else secondary
-        try:
-            finite, tried, unfinished, missed = saturation_levels.saturation_null_space(
-                matrix, rhs, offsets, low, high, free, self.rank_tolerance, self.variant == "optimal", x, scales
-            )
-        except (ValueError, np.linalg.LinAlgError):  # numba's SVD meets an overflow that arose on the way
-            finite, tried, unfinished, missed = False, 0, -1, -1
+            message = f"Hard rows {first}, {second} contradict each other: no x meets both."
+            if second < 0:
+                message = f"Hard row {first} is a row of zeros that no x meets."
+            return Solution(problem, None, Status.INFEASIBLE, 0, message, secondary)
+        x, scales, finite, tried, unfinished, missed = found
         if not finite:
             return Solution(problem, None, Status.NOT_FINITE, tried, _OVERFLOW, secondary)
         status, message = Status.SOLVED, ""
@@ -152,5 +136,5 @@ class SaturationNullSpace(Solver):
             )
         solution = ScaledSolution(problem, x, status, tried, message, secondary)
         solution.scales = scales
-        solution.held = _SATURATED
+        solution.held = SATURATED
         return solution

@@ -47,7 +47,7 @@ TALL_RANK = 1e-14
 UNILATERAL_ROUNDING = 1e-15
 """A hard row that an answer misses by this much, relative, is met."""
 
-SATURATED = 1e-13
+SATURATED = 1e-12
 """An unknown this near to its bound, relative, is saturated."""
 
 NEAR_ZERO = 1e-12

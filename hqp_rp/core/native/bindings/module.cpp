@@ -17,4 +17,5 @@ NB_MODULE(_native, module) {
   hqp::python::bind_active_set(module);
   hqp::python::bind_qp_cascade(module);
   hqp::python::bind_task_rows(module);
+  hqp::python::bind_saturation(module);
 }

@@ -41,5 +41,6 @@ void bind_closed_forms(nb::module_& module);
 void bind_active_set(nb::module_& module);
 void bind_qp_cascade(nb::module_& module);
 void bind_task_rows(nb::module_& module);
+void bind_saturation(nb::module_& module);
 
 }  // namespace hqp::python

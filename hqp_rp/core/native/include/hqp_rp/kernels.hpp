@@ -22,6 +22,18 @@ struct ActiveSetCall {
   bool delicate = false;         // a pivot was so small that rounding may have decided which rows are active
 };
 
+// Saturation in the null space: what it is given and what it says. A level that was not finished, or that rounding kept from its scaled
+// task, is named by its number; -1 for none.
+struct SaturationCall {
+  const Problem* problem = nullptr;  // of equalities; its hard rows are the box
+  const double *low = nullptr, *high = nullptr, *zeta = nullptr;  // (unknowns,)
+  double rank_tolerance = 1e-12;
+  bool optimal = false;
+  double* x = nullptr;       // (unknowns,)
+  double* scales = nullptr;  // (levels,)
+  int tried = 0, unfinished = -1, missed = -1;
+};
+
 // Denavit-Hartenberg rows of a serial arm, (joints,) each.
 struct SerialArm {
   int joints = 0;
@@ -41,6 +53,7 @@ struct Kernels {
   // Pose and Jacobian of a frame at Q (N, joints): rotations (N, 3, 3), origins (N, 3), jacobians (N, 6, joints).
   void (*serial_arm)(const SerialArm&, const double* Q, std::int64_t N, int frame, double* rotations, double* origins, double* jacobians,
                      Workspace&);
+  bool (*saturation)(SaturationCall&, Workspace&);  // false: not finite
   void (*null_space_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
   void (*reverse_priority_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
 };

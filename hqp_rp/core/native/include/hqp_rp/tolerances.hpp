@@ -122,4 +122,27 @@ constexpr double no_bound = 1e20;
 // Half angles below this, in rad, have a series whose second term is lost in rounding.
 constexpr double small_angle = 1e-9;
 
+// --- saturation in the null space --------------------------------------------------------------------------------------------
+
+// What rounding may add to an unknown, as a part of its size.
+constexpr double saturation_slack = 1e-12;
+
+// An unknown below this counts as of this size there.
+constexpr double smallest_unknown = 1e-30;
+
+// Saturated unknowns whose rows, of length at most one, leave no more than this beside each other depend on each other.
+constexpr double saturation_dependent = 1e-10;
+
+// A row of which no more than this share is new counts as a combination of the others.
+constexpr double saturation_combination = 1e-9;
+
+// An unknown that changes by no more than this part of a step does not move.
+constexpr double saturation_still = 1e-14;
+
+// A slope below this is none.
+constexpr double no_slope = 1e-300;
+
+// What a solved level may be off its scaled task: this times ||A_k||_F ||x|| + ||b_k||, the tolerance that the solver declares.
+constexpr double saturation_missed = 1e-9;
+
 }  // namespace hqp::tolerance

@@ -16,6 +16,7 @@ const Kernels table{
     .make_qp_cascade = make_qp_cascade,
     .polish = call_polish,
     .serial_arm = call_serial_arm,
+    .saturation = call_saturation,
     .null_space_batch = call_null_space_batch,
     .reverse_priority_batch = call_reverse_priority_batch,
 };

@@ -23,6 +23,8 @@ void call_polish(const double*, int, const double*, const double*, const double*
 
 void call_serial_arm(const SerialArm&, const double*, std::int64_t, int, double*, double*, double*, Workspace&);
 
+bool call_saturation(SaturationCall&, Workspace&);
+
 // Calls with a width known to the compiler where rows fit one or two lanes.
 template <class Function>
 HQP_INLINE auto with_width(int n, Function function) {

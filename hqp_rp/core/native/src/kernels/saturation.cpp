@@ -1,0 +1,11 @@
+#include "hqp_rp/saturation_optimal.hpp"
+
+#include "table.hpp"
+
+namespace hqp {
+inline namespace HQP_ISA {
+
+bool call_saturation(SaturationCall& call, Workspace& workspace) { return saturation_null_space(call, workspace); }
+
+}  // namespace HQP_ISA
+}  // namespace hqp
