@@ -52,7 +52,6 @@ def bench(
     quick: bool = False,
     lexls: str | pathlib.Path | None = None,
     eigen: str | pathlib.Path | None = None,
-    compile_time: bool = False,
     progress: bool = False,
     fresh_process: bool = True,
 ) -> Bench:
@@ -65,7 +64,6 @@ def bench(
         quick: fewer calls and instances, and no figures of growth.
         lexls: a checkout of github.com/jrl-umi3218/lexls, to compile a loop against; eigen: the folder that holds Eigen's
             folder `Eigen`, when it is not where it usually is.
-        compile_time: compile every kernel on an empty cache too, which takes a minute or two.
         progress: say on standard error what is at work.
         fresh_process: measure in a process of its own that has one thread from its start; False measures here.
 
@@ -77,7 +75,7 @@ def bench(
     native = checked_lexls(
         None if lexls is None else pathlib.Path(lexls), None if eigen is None else pathlib.Path(eigen)
     )
-    asked = dataclasses.replace(checked(families, peers, peer_python, quick), lexls=native, compile_time=compile_time)
+    asked = dataclasses.replace(checked(families, peers, peer_python, quick), lexls=native)
     folder = pathlib.Path(output)
     history = _opened(folder)
     if fresh_process:

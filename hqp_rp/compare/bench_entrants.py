@@ -145,7 +145,7 @@ def _daqp_accurate(problems: Sequence[Problem], warm: bool = False) -> list[Call
     """Rows of length one, so that DAQP's own scaling changes nothing; the softness restores each row's weight."""
     import daqp
 
-    from hqp_rp.core.kernels.normalise import unit_rows
+    from hqp_rp.solvers.daqp import unit_rows
 
     models: dict[tuple[Any, ...], Any] = {}
 
@@ -160,16 +160,10 @@ def _daqp_accurate(problems: Sequence[Problem], warm: bool = False) -> list[Call
 
     calls: list[Call] = []
     for problem in problems:
-        matrix, lower, upper, offsets = problem.with_hard
-        rows, low, up, softness = (
-            np.empty_like(matrix),
-            np.empty_like(lower),
-            np.empty_like(lower),
-            np.empty_like(lower),
-        )
-        sense = np.empty(len(lower), np.int32)
-        unit_rows(matrix, lower, upper, offsets, np.zeros(problem.n), _RHO, 1e-4, rows, low, up, softness, sense)
-        sense *= _EQUALITY_ROW
+        offsets = problem.with_hard.offsets
+        given = unit_rows(problem.with_hard, np.zeros(problem.n), _RHO)
+        assert given is not None
+        rows, low, up, softness, sense = given
         key = (problem.n, offsets.tobytes())
         if key not in models:
             model = daqp.Model()

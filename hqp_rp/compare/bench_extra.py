@@ -116,39 +116,39 @@ def _solved(A: FloatArray, b: FloatArray, offsets: IntArray, name: str, threads:
     return solve_batch(A, b, None, offsets, solver=name, threads=threads)
 
 
-_IMPORT = (
-    "import sys, time; t = time.perf_counter(); import hqp_rp; t = time.perf_counter() - t; "
-    "import json; print(json.dumps([t, 'numba' in sys.modules]))"
-)
-_FIRST = (
-    "import json, time; import numpy as np; import hqp_rp; r = np.random.default_rng(0); "
+_MAKE = (
+    "import sys, time; t = time.perf_counter(); import json; import numpy as np; s = time.perf_counter(); import hqp_rp; "
+    "r = np.random.default_rng(0); "
     "p = hqp_rp.Problem([hqp_rp.Level.equality(r.standard_normal((3, 7)), r.standard_normal(3)) for _ in range(2)]); "
-    "t = time.perf_counter(); s = hqp_rp.solve(p, 'null_space'); t = time.perf_counter() - t; "
-    "print(json.dumps([t, s.status.ok]))"
 )
+_STARTS = {
+    "import": "",
+    "null_space": "x = hqp_rp.solve(p, 'null_space').x; ",
+    "reverse_priority": "x = hqp_rp.solve(p, 'reverse_priority').x; ",
+    "hierarchical_active_set": "x = hqp_rp.solve(p, 'hierarchical_active_set').x; ",
+    "saturation_null_space": "x = hqp_rp.solve(p, 'saturation_null_space').x; ",
+    "solve_batch": "x = hqp_rp.solve_batch(p.matrix[None], p.lower[None], None, p.offsets, solver='null_space').x; ",
+    "certify": "x = hqp_rp.certify(p, np.zeros(7)).ok; ",
+}
 
 
-def start_up(runs: int = 5) -> dict[str, float | bool]:
-    """Seconds of `import hqp_rp` and of the first solve with a cached kernel, medians over fresh processes.
+def start_up(runs: int = 5) -> dict[str, float]:
+    """Seconds from before `import hqp_rp` to a first answer, numpy loaded already: medians over fresh processes.
 
-    "compiler": whether the import alone loads numba.
+    "import" is the import alone; every other name is a solver, or a call, that gives its first answer. Nothing is compiled
+    and nothing cached but Python's own byte code.
     """
-    _fresh(_FIRST)  # so that the kernel is in the cache, whatever was there before
-    imports = [_fresh(_IMPORT) for _ in range(runs)]
-    firsts = [_fresh(_FIRST) for _ in range(runs)]
+    end = "print(json.dumps(time.perf_counter() - s))"
     return {
-        "import": float(np.median([seconds for seconds, _ in imports])),
-        "compiler": any(loaded for _, loaded in imports),
-        "first solve": float(np.median([seconds for seconds, _ in firsts])),
+        name: float(np.median([_fresh(_MAKE + call + end) for _ in range(runs)])) for name, call in _STARTS.items()
     }
 
 
-def _fresh(code: str) -> tuple[float, bool]:
+def _fresh(code: str) -> float:
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=dict(os.environ)
     )
-    seconds, flag = json.loads(done.stdout.splitlines()[-1])
-    return float(seconds), bool(flag)
+    return float(json.loads(done.stdout.splitlines()[-1]))
 
 
 def instruction_counts(labels: Sequence[str], *, calls: int = 2000) -> tuple[dict[str, float], str]:

@@ -24,7 +24,7 @@ FLOOR_FAMILIES = ("7_3-3", "7_1-5", "7_6-1-7", "7_3-3-7", "30", "100")
 """Families of equalities, on which the floor is measured."""
 
 FLOOR, KERNEL, CALL, SOLVE, LEXLS = "C floor", "kernel", "kernel from Python", "Solver.solve", "LexLS"
-"""Who is timed: the C cascade in a C loop, the kernel in a compiled loop, the kernel called from Python, the public call."""
+"""Who is timed: the C cascade in a C loop, the kernel in a native loop, the native solver called from Python, the public call."""
 
 _PASS = 1e-3  # s, what one timed pass over the instances takes at least
 
@@ -67,12 +67,11 @@ def measure_floor(
         names: of `FLOOR_FAMILIES`. lexls: folders of LexLS and of Eigen, or None.
         calls: passes over the instances, at most. budget: s for each that is timed. say: told the family.
     """
-    loops = _compiled_loop()
     found, missing = [], {}
     for name in names:
         say(name)
         made = family(name, quick=quick)
-        native: dict[str, Loop] = {KERNEL: loops(made.problems)}
+        native: dict[str, Loop] = {KERNEL: native_loop(made.problems)}
         try:
             native[FLOOR] = c_loop(made.problems)
         except NotBuilt as error:
@@ -89,21 +88,16 @@ def measure_floor(
 def _measured(made: Family, native: Mapping[str, Loop], calls: int, budget: float) -> Floor:
     known = references(made.problems)
     accuracy = {label: _judged(made.problems, loop, known) for label, loop in native.items()}
-    from hqp_rp.core.kernels.direct import closed_form_entry
-
     passes: dict[str, tuple[Callable[[], Any], int]] = {
         label: _pass(loop, len(made.problems)) for label, loop in native.items()
     }
     solver = _solver()
-    addresses = [problem.address for problem in made.problems]
-    kernel, solve = closed_form_entry(_kernel(solver)), solver.solve
-    settings, x = _settings(solver), np.zeros(made.problems[0].n)
-    place = settings.ctypes.data
+    native_solve, solve = _native_of(solver).solve, solver.solve
 
     def call_all(repeats: int) -> None:
         for _ in range(repeats):
-            for address in addresses:
-                kernel(address, place, x)
+            for problem in made.problems:
+                native_solve(problem, None)
 
     def solve_all(repeats: int) -> None:
         for _ in range(repeats):
@@ -175,40 +169,21 @@ def _solver() -> ClosedForm:
     return solver
 
 
-def _kernel(solver: ClosedForm) -> Any:
+def _native_of(solver: ClosedForm) -> Any:
     """What `Solver.solve` calls."""
-    kernel = solver.direct_kernel()
-    assert kernel is not None
-    return kernel
+    native = solver.native()
+    assert native is not None
+    return native
 
 
-def _settings(solver: ClosedForm) -> FloatArray:
-    """What the kernel reads: rank tolerance, kind of damping and its two parameters."""
-    return np.array([solver.rank_tolerance, solver.damping.kind, *solver.damping.parameters])
+def native_loop(problems: Sequence[Problem]) -> Loop:
+    """The native kernel of null space over the problems, without Python between them."""
+    native = _native_of(_solver())
+    A, b, offsets = stacked(problems)
+    x = np.empty((len(A), A.shape[2]))
 
+    def loop(repeats: int) -> FloatArray:
+        native.loop(A, b, offsets, x, repeats)
+        return x
 
-def _compiled_loop() -> Callable[[Sequence[Problem]], Loop]:
-    """Makes compiled loops that call the kernel of null space, so that no dispatch is counted."""
-    import numba
-
-    solver = _solver()
-    kernel = _kernel(solver)
-
-    @numba.njit(nogil=True, error_model="numpy")
-    def over(addresses, settings, X, repeats):  # type: ignore[no-untyped-def]
-        for _ in range(repeats):
-            X[:] = 0.0
-            for i in range(len(addresses)):
-                kernel(addresses[i], settings.ctypes.data, X[i])
-
-    def made(problems: Sequence[Problem]) -> Loop:
-        addresses = np.array([problem.address for problem in problems])
-        settings, X = _settings(solver), np.empty((len(problems), problems[0].n))
-
-        def loop(repeats: int) -> FloatArray:
-            over(addresses, settings, X, repeats)
-            return X
-
-        return loop
-
-    return made
+    return loop

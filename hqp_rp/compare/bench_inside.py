@@ -1,4 +1,4 @@
-"""What is inside a call: kernel and native code, dispatch, a step's parts, the cascade's own QPs, allocations, compilation."""
+"""What is inside a call: kernel and native code, dispatch, a step's parts, the cascade's own QPs, allocations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from hqp_rp.compare.bench_native_qps import QP_FAMILIES, NativeQps, native_qps
 from hqp_rp.compare.bench_step_parts import StepParts, step_parts
 from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.bench_timing import Ratio, ratio
-from hqp_rp.compare.bench_warmup import Warmup, compile_from_nothing
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -21,14 +20,12 @@ class Inside:
 
     Attributes:
         floor, steps, qps, allocated: one for each family (and entrant) that was asked for.
-        compiled: the kernels' compilation on an empty cache, or None when it was not asked for.
         missing: a sentence for each part that could not be measured.
     """
 
     floor: tuple[Floor, ...] = ()
     qps: tuple[NativeQps, ...] = ()
     allocated: tuple[Allocations, ...] = ()
-    compiled: Warmup | None = None
     missing: tuple[str, ...] = ()
     steps: tuple[StepParts, ...] = ()
 
@@ -37,14 +34,13 @@ def measure_inside(
     families: Sequence[str],
     *,
     lexls: tuple[str, str] | None = None,
-    compile_time: bool = False,
     quick: bool = False,
     say: Callable[[str, str], None] = lambda name, what: None,
 ) -> Inside:
     """Measure it on those of these families that it is about.
 
     Args:
-        lexls: folders of LexLS and of Eigen, or None. compile_time: whether to compile every kernel on an empty cache.
+        lexls: folders of LexLS and of Eigen, or None.
         quick: fewer calls. say: told the part and what is at work.
     """
 
@@ -65,11 +61,7 @@ def measure_inside(
         say("allocations", "")
         allocated, sentence = allocations(ALLOCATING, names)
         missing += (sentence,) if sentence else ()
-    compiled = None
-    if compile_time:
-        say("compilation on an empty cache", "a minute or two")
-        compiled = compile_from_nothing()
-    return Inside(floor, qps, allocated, compiled, missing, tuple(steps))
+    return Inside(floor, qps, allocated, missing, tuple(steps))
 
 
 def inside_ratios(inside: Inside) -> list[tuple[str, Ratio]]:

@@ -11,7 +11,6 @@ from hqp_rp.compare.bench_step_parts import PARTS_OF_A_STEP
 from hqp_rp.compare.bench_timing import ratio
 from hqp_rp.compare.report import Section, Table, listing, number
 
-_SLOWEST = 12  # kernels that the table of compile times names
 
 
 def inside_section(inside: Inside) -> Section | None:
@@ -22,7 +21,6 @@ def inside_section(inside: Inside) -> Section | None:
         (inside.steps, _steps),
         (inside.qps, _qps),
         (inside.allocated, _allocated),
-        ([inside.compiled] if inside.compiled else [], _compiled),
     )
     tables = tuple(maker(inside) for found, maker in makers if found)
     return Section("Inside a call", inside.missing, listed=True, tables=tables) if tables or inside.missing else None
@@ -35,7 +33,7 @@ def inside_answer(inside: Inside) -> list[str]:
         values = {item.title: 1.0 / _over(item, other) for item in inside.floor if _comparable(item, other)}
         if values:
             sentences.append(
-                f"The compiled kernel of null space, no call from Python counted, takes {_range(values)} {words}."
+                f"The native kernel of null space, no call from Python counted, takes {_range(values)} {words}."
             )
     shares = {item.title: 1.0 - item.share("kernel") for item in inside.floor}
     if shares:
@@ -50,10 +48,6 @@ def inside_answer(inside: Inside) -> list[str]:
     if inside.qps:
         values = {item.title: item.times_slower.value for item in inside.qps}
         sentences.append(f"qp_cascade on ProxQP takes {_range(values)} the sum of its own native QPs.")
-    if inside.compiled:
-        sentences.append(
-            f"On an empty cache, compiling all {len(inside.compiled.compiled)} kernels took {inside.compiled.seconds:.0f} s."
-        )
     return sentences
 
 
@@ -118,7 +112,7 @@ def _shares(inside: Inside) -> Table:
         for item in inside.floor
     )
     caption = (
-        "kernel: in a compiled loop. dispatch: what calling it from Python adds. solution: what Solver.solve adds to that, "
+        "kernel: in a native loop. dispatch: what calling it from Python adds. solution: what Solver.solve adds to that, "
         "with the array for the answer, the checks and the Solution. Shares of Solver.solve, from differences of times: those "
         "below a few per cent are noise."
     )
@@ -171,20 +165,9 @@ def _allocated(inside: Inside) -> Table:
         for item in inside.allocated
     )
     caption = (
-        "One warm call, medians over instances. arrays: allocations of compiled code, by numba's own count. beyond the answer: "
-        "the most bytes held at once inside the call and released by its end, Python's and compiled code's, by tracemalloc. "
+        "One warm call, medians over instances. arrays: blocks that native code allocated for its workspace. beyond the answer: "
+        "the most bytes held at once inside the call and released by its end, by tracemalloc. "
         "kept: the Solution with its x. What LAPACK and ProxQP allocate for themselves is not seen."
     )
     header = ("family", "solver", "arrays", "bytes beyond the answer", "bytes kept")
     return Table("Allocations of a solve", header, rows, caption, text=frozenset({0, 1}))
-
-
-def _compiled(inside: Inside) -> Table:
-    assert inside.compiled is not None
-    found = inside.compiled.compiled
-    rows = [(kernel.name, number(kernel.seconds, 3)) for kernel in found[:_SLOWEST]]
-    rest = sum(kernel.seconds for kernel in found[_SLOWEST:])
-    rows += [(f"{len(found) - len(rows)} others", number(rest, 3))] if len(found) > _SLOWEST else []
-    rows.append(("the whole, with imports and solves", number(inside.compiled.seconds, 3)))
-    caption = "hqp-rp warmup in a fresh process on an empty cache; callees not counted."
-    return Table("Compilation on an empty cache", ("kernel", "s"), tuple(rows), caption)

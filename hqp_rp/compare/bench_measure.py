@@ -30,7 +30,7 @@ class Asked:
 
     Attributes:
         families, peers: their names. peer_python: interpreters for peers. lexls: folders of LexLS and of Eigen, or None.
-        compile_time: whether to compile every kernel on an empty cache. quick: fewer calls and instances.
+        quick: fewer calls and instances.
     """
 
     families: tuple[str, ...]
@@ -38,7 +38,6 @@ class Asked:
     peer_python: tuple[str, ...] = ()
     quick: bool = False
     lexls: tuple[str, str] | None = None
-    compile_time: bool = False
 
     @property
     def calls(self) -> int:
@@ -116,7 +115,7 @@ def measure(asked: Asked, progress: bool = False) -> Measured:
         results.append(result)
         missing += [sentence for sentence in absent if sentence not in missing]
     inside = measure_inside(
-        asked.families, lexls=asked.lexls, compile_time=asked.compile_time, quick=asked.quick, say=say
+        asked.families, lexls=asked.lexls, quick=asked.quick, say=say
     )
     curves = {}
     if not asked.quick:

@@ -165,7 +165,6 @@ def bench(
     quick: bool = False,
     lexls: pathlib.Path | None = None,
     eigen: pathlib.Path | None = None,
-    compile_time: bool = False,
 ) -> int:
     """Time every solver beside what a user would pick instead, in one run, and say what got worse since the last one.
 
@@ -179,7 +178,6 @@ def bench(
         quick: fewer calls, and no figures of how cost grows.
         lexls: a checkout of github.com/jrl-umi3218/lexls (C++), timed beside our kernel; needs a C++ compiler and Eigen.
         eigen: the folder that holds the folder Eigen, when it is not where it usually is.
-        compile_time: compile every kernel on an empty cache too and say what it took: a minute or two.
     """
     from hqp_rp.compare.bench import bench as run
 
@@ -191,7 +189,6 @@ def bench(
         quick=quick,
         lexls=lexls,
         eigen=eigen,
-        compile_time=compile_time,
         progress=True,
     )
     from hqp_rp.compare.bench_report import answer
@@ -199,26 +196,6 @@ def bench(
     for sentence in (*answer(found.measured), *found.against, *found.measured.missing, *found.measured.inside.missing):
         print(f"- {sentence}")
     print(f"The report: {output / 'report.html'}")
-    return 0
-
-
-def warmup() -> int:
-    """Compile every kernel ahead of time, so that no first solve pays for it; print the seconds of each."""
-    from hqp_rp.compare.bench_warmup import warm_up_all
-    from hqp_rp.compare.run import progress_bar
-
-    with progress_bar(sys.stderr.isatty(), 1, 0, "calls") as advance:
-        done = 0
-
-        def report(name: str, at: int, count: int) -> None:
-            nonlocal done
-            advance(at - done, f"{name} ({at} of {count})")
-            done = at
-
-        found = warm_up_all(report)
-    for kernel in found.compiled:
-        print(f"{kernel.seconds:8.2f} s  {kernel.name}")
-    print(f"{len(found.compiled)} kernels compiled, {found.cached} loaded from the cache, in {found.seconds:.1f} s.")
     return 0
 
 
@@ -281,7 +258,6 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "replay": replay,
     "claims": claims,
     "bench": bench,
-    "warmup": warmup,
     "solvers": solvers,
     "scenarios": scenarios,
 }

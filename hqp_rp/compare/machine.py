@@ -11,7 +11,7 @@ import platform
 
 import hqp_rp
 
-PACKAGES = ("numpy", "scipy", "numba", "osqp", "proxsuite", "qpsolvers", "daqp", "quadprog", "piqp", "mujoco", "pin")
+PACKAGES = ("numpy", "scipy", "osqp", "proxsuite", "qpsolvers", "daqp", "quadprog", "piqp", "mujoco", "pin")
 """The packages whose versions can change a result."""
 
 

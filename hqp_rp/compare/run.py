@@ -77,7 +77,7 @@ def run_units(units: Sequence[Unit], folder: RunFolder, *, workers: int | None, 
     with progress_bar(progress, total, done) as advance:
         if not left:
             return
-        advance(0, "compiling kernels")
+        advance(0, "starting")
         warm_up({repr(unit.contestant.solver): unit.contestant.solver for unit in left}.values())
         advance(0, "solving")
         for unit in _finished(left, folder, min(workers or usable_cores(), len(left))):
@@ -120,10 +120,7 @@ def run_unit(unit: Unit) -> pl.DataFrame:
 
 
 def warm_up(solvers: Iterable[Solver]) -> None:
-    """Compile, or load from the cache, what each solver needs, so that no compile time is taken for solve time.
-
-    In the first process this also fills numba's cache on disk before any worker reads it.
-    """
+    """Load what each solver needs, so that no loading is taken for solve time."""
     rng = np.random.default_rng(0)
     levels = [Level.equality(rng.standard_normal((2, 7)), rng.standard_normal(2)) for _ in range(3)]
     problems = [Problem(levels[:2]), Problem(levels)]

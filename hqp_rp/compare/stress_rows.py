@@ -61,7 +61,7 @@ _warm: set[str] = set()
 
 
 def warm_up_batches(plan: Plan) -> None:
-    """Compile, or load, what each solver needs, once in each process, so that no compile time is taken for solve time."""
+    """Load what each solver needs, once in each process, so that no loading is taken for solve time."""
     fresh = [item.solver for item in plan.contestants if repr(item.solver) not in _warm]
     if not fresh:
         return

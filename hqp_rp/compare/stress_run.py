@@ -43,7 +43,7 @@ def run_chunks(
         if not left:
             return
         advance(0, "compiling kernels")
-        warm_up_batches(plan)  # fills the cache on disk before any worker reads it
+        warm_up_batches(plan)
         advance(0, "solving")
         if client is not None:
             finished = _by_dask(plan, left, client)

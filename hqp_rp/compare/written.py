@@ -175,7 +175,7 @@ def _times(cases: tuple[Case, ...]) -> Table:
         "Microseconds for one solve: half of the steps / 99 % of the steps take no longer",
         ("solver", *(case.title for case in cases)),
         tuple(rows),
-        "Compiling is not part of it: every kernel is compiled and loaded before.",
+        "Loading is not part of it: everything is loaded before.",
     )
 
 

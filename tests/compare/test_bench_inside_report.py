@@ -17,7 +17,6 @@ from hqp_rp.compare.bench_inside_report import inside_answer, inside_section
 from hqp_rp.compare.bench_native_qps import CASCADE, NATIVE, NativeQps
 from hqp_rp.compare.bench_step_parts import StepParts
 from hqp_rp.compare.bench_timing import Timing, timing
-from hqp_rp.compare.bench_warmup import Compiled, Warmup
 from hqp_rp.compare.report import Report, write_report
 
 RIGHT = Accuracy(4, 4, 4, 1e-13, 1e-13)
@@ -46,9 +45,8 @@ def made_up() -> Inside:
         timing(NATIVE, np.array([4000] * 5)),
         1e-9,
     )
-    compiled = Warmup(tuple(Compiled(f"file.kernel{i}", float(20 - i)) for i in range(15)), 0, 240.0, ())
     return Inside(
-        (small, large), (qps,), (Allocations("null space", "7_3-3", 10.0, 272.0, 1328.0),), compiled, ("No compiler here.",),
+        (small, large), (qps,), (Allocations("null space", "7_3-3", 10.0, 272.0, 1328.0),), ("No compiler here.",),
         (StepParts("step_sawyer", "step: Sawyer", (5e-6, 15e-6, 5e-6), 26e-6),),
     )  # fmt: skip
 
@@ -100,10 +98,6 @@ def test_the_other_tables() -> None:
         "5",
         "26",
     )
-    compiled = cells(inside, "Compilation")
-    assert compiled[1] == ("file.kernel0", "20")
-    assert compiled[-2] == ("3 others", "21")  # 8 + 7 + 6
-    assert compiled[-1][1] == "240"
 
 
 def test_the_answer_gives_the_range_of_each_ratio() -> None:
@@ -163,10 +157,7 @@ def test_only_families_that_were_asked_for_are_measured(monkeypatch: pytest.Monk
     monkeypatch.setattr(bench_inside, "measure_floor", floor)
     monkeypatch.setattr(bench_inside, "native_qps", qps)
     monkeypatch.setattr(bench_inside, "allocations", allocated)
-    monkeypatch.setattr(bench_inside, "compile_from_nothing", lambda: made_up().compiled)
-    found = measure_inside(["7_limits", "7_3-3", "step_sawyer"], compile_time=True)
+    found = measure_inside(["7_limits", "7_3-3", "step_sawyer"])
     assert asked == {"floor": ["7_3-3"], "qps": ["7_3-3", "7_limits"], "allocations": ["7_3-3", "7_limits"]}
     assert found.missing == ("No compiler here.", "Not counted.")
-    assert found.compiled == made_up().compiled
     assert [item.name for item in found.steps] == ["step_sawyer"]
-    assert measure_inside(["step_sawyer"]).compiled is None

@@ -80,7 +80,7 @@ def test_an_interrupt_says_how_to_go_on(
 def test_listing_solvers_loads_nothing_heavy() -> None:
     code = (
         "import sys; from hqp_rp.compare.command_line import main; main(['solvers']);"
-        "heavy = {'polars', 'plotly', 'matplotlib', 'mujoco', 'joblib', 'numba'} & set(sys.modules);"
+        "heavy = {'polars', 'plotly', 'matplotlib', 'mujoco', 'joblib'} & set(sys.modules);"
         "assert not heavy, heavy"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)

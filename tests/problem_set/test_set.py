@@ -103,7 +103,7 @@ def test_loading_needs_numpy_only() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     packages, modules = (set(line.split()) for line in done.stdout.splitlines())
-    assert not packages & {"flint", "numba", "scipy", "mujoco", "pinocchio", "osqp", "proxsuite"}
+    assert not packages & {"flint", "scipy", "mujoco", "pinocchio", "osqp", "proxsuite"}
     assert not {name.split(".")[1] for name in modules} & {"robot", "control", "scenarios", "compare", "solvers"}
 
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
+from hqp_rp.core import _native
 from hqp_rp import Level, Problem, SettingError, Status, solve, truth
 from hqp_rp.solvers.saturation_null_space import SaturationNullSpace, ScaledSolution
 from tests.hard_problems import box_problem, hard_violation
@@ -188,16 +189,14 @@ def test_ties_do_not_hold_it_up(n: int) -> None:
 
 def test_when_iterations_run_out_the_status_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Problem([Level.equality([[2.0, 1.0]], [3.0])], box(2, 1.0))
-    monkeypatch.setattr("hqp_rp.core.kernels.saturation_levels.saturation_null_space", _unfinished)
+    monkeypatch.setattr(_native, "saturation_null_space", _unfinished)
     solution = OPTIMAL.solve(problem)
     assert solution.status is Status.INACCURATE
     assert "Iterations ran out at level 1" in solution.message
 
 
-def _unfinished(*arguments: object) -> tuple[bool, int, int, int]:
-    x, scales = arguments[-2:]
-    x[:], scales[:] = 0.0, 1.0  # type: ignore[index]
-    return True, 1, 0, -1
+def _unfinished(problem: Problem, *settings: object) -> tuple[object, ...]:
+    return np.zeros(problem.n), np.ones(problem.p), True, 1, 0, -1
 
 
 @pytest.mark.parametrize("solver", [BASIC, OPTIMAL], ids=["basic", "optimal"])

@@ -47,6 +47,24 @@ struct ClosedForm {
     solve_batch_(batch, rank_tolerance, damping, thread_workspace());
   }
 
+  // The problems one after the other, so many times, without Python: what a benchmark times. x (N, n).
+  void loop(nb::handle matrix, nb::handle rhs, nb::handle offsets, nb::handle x, int repeats) const {
+    Problem problem;
+    const double *A = required<double>(matrix, 3, "matrix"), *b = required<double>(rhs, 2, "rhs");
+    problem.offsets = required<std::int64_t>(offsets, 1, "offsets");
+    double* out = writable<double>(x, 2, "x");
+    const Py_ssize_t N = length_of(matrix.ptr()), M = length_of(matrix.ptr(), 1), n = length_of(matrix.ptr(), 2);
+    problem.rows = static_cast<int>(M), problem.unknowns = static_cast<int>(n), problem.levels = static_cast<int>(length_of(offsets.ptr()) - 1);
+    if (length_of(rhs.ptr()) != N || length_of(rhs.ptr(), 1) != M || length_of(x.ptr()) != N || length_of(x.ptr(), 1) != n)
+      throw nb::value_error("The arrays do not fit together.");
+    for (int repeat = 0; repeat < repeats; ++repeat)
+      for (Py_ssize_t i = 0; i < N; ++i) {
+        problem.matrix = A + i * M * n;
+        problem.lower = problem.upper = b + i * M;
+        solve_(problem, nullptr, rank_tolerance, damping, out + i * n, thread_workspace());
+      }
+  }
+
   // None where the problem is not one of equalities alone: the caller refuses it in a sentence.
   nb::object solve(nb::handle problem, nb::handle secondary) const {
     const auto& given = *nb::inst_ptr<ProblemObject>(problem);
@@ -67,6 +85,8 @@ void bind_closed_forms(nb::module_& module) {
   closed_form.def("solve_many", &ClosedForm::solve_many, nb::arg("matrix"), nb::arg("rhs"), nb::arg("offsets"), nb::arg("secondary"),
                   nb::arg("x"), nb::arg("codes"),
                   "Solve N problems of one shape: (N, M, n), (N, M), (p + 1,), (N or 1, n); fills x (N, n) and codes (N,) uint8.");
+  closed_form.def("loop", &ClosedForm::loop, nb::arg("matrix"), nb::arg("rhs"), nb::arg("offsets"), nb::arg("x"), nb::arg("repeats"),
+                  "Solve (N, M, n), (N, M), (p + 1,) one by one into x (N, n), so many times: for benchmarks.");
   module.def(
       "reverse_priority",
       [](double rank_tolerance, int kind, double first, double second) {
