@@ -16,6 +16,7 @@ from hqp_rp.core.errors import (
     UnknownNameError,
     WorkLimitError,
 )
+from hqp_rp.core.extras import require
 from hqp_rp.core.problem import Level, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
@@ -97,6 +98,8 @@ def __getattr__(name: str) -> Any:
         return importlib.import_module("hqp_rp.problems")
     if name not in _LAZY:
         raise AttributeError(f"module 'hqp_rp' has no attribute {name!r}")
+    if name in ("Truth", "truth"):
+        require("hqp_rp.truth", "flint")
     return getattr(importlib.import_module(f"hqp_rp.{_LAZY[name]}"), name)
 
 

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
+from hqp_rp.core.extras import require
 from hqp_rp.core.errors import SettingError, unknown_name, unknown_setting
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution
@@ -86,6 +87,7 @@ def timed_solve(solver: Solver, problem: Problem, secondary: FloatArray | None =
 
 @functools.cache
 def _registry() -> dict[str, type[Scenario]]:
+    require("The scenarios", "mujoco")
     package = importlib.import_module("hqp_rp.scenarios")
     found: dict[str, type[Scenario]] = {}
     for info in pkgutil.iter_modules(package.__path__):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.extras import require
 from hqp_rp.core.problem import FloatArray, Problem, Stacked
 from hqp_rp.core.qp_backend import check_positive
 from hqp_rp.core.solution import Solution, Status
@@ -222,6 +223,7 @@ class Daqp(Solver):
             if model.update(A=rows.rows, bupper=rows.up, blower=rows.low, sense=rows.sense) >= 0:
                 return model, 1
             del self._models.kept[key]
+        require("The solver daqp", "daqp")
         import daqp
 
         model = daqp.Model()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hqp_rp.control._coordinates import joint_positions
+from hqp_rp.core.extras import require
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.robot import Robot
 
@@ -31,6 +32,7 @@ def levenberg_marquardt_step(
 
     Source: Kanzow, Yamashita and Fukushima 2004, Levenberg-Marquardt methods for equations with convex constraints.
     """
+    require("A bounded least-squares step", "scipy")
     from scipy.optimize import lsq_linear
 
     step = np.zeros(change.shape[1])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import positive_number, real_array
+from hqp_rp.core.extras import require
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 
@@ -113,6 +114,7 @@ class AdmittanceLaw:
 
     def _period(self, dt: float) -> FloatArray:
         """(2 m, 2 m) the matrix [A, C; E, D] of the class's docstring."""
+        require("An admittance law", "scipy")
         from scipy.linalg import expm, solve_triangular
 
         dt = positive_number(dt, "dt")

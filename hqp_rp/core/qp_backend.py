@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.extras import require
 from hqp_rp.core.problem import FloatArray
 
 INFINITE = 1e20
@@ -197,6 +198,7 @@ class QpsolversBackend(Backend):
 
 def installed_backends() -> tuple[str, ...]:
     """Names of the QP solvers that can be used here, sorted: what qpsolvers finds installed."""
+    require("A QP back end", "qpsolvers", "proxsuite", "osqp")
     import qpsolvers
 
     return tuple(sorted(qpsolvers.available_solvers))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from hqp_rp.core.extras import require
+
 if TYPE_CHECKING:
     from hqp_rp.robot.arms import planar_arm, sawyer
     from hqp_rp.robot.batch import FrameBatch, frame_batch
@@ -44,10 +46,14 @@ _LAZY = {
     "sawyer": "arms",
 }
 
+_NEEDS = {"MujocoRobot": "mujoco", "arm_spec": "mujoco", "load_robot": "mujoco", "PinocchioRobot": "pinocchio"}
+
 
 def __getattr__(name: str) -> Any:
     if name not in _LAZY:
         raise AttributeError(f"module 'hqp_rp.robot' has no attribute {name!r}")
+    if name in _NEEDS:
+        require(f"hqp_rp.robot.{name}", _NEEDS[name])
     return getattr(importlib.import_module(f"hqp_rp.robot.{_LAZY[name]}"), name)
 
 

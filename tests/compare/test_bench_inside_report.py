@@ -107,7 +107,6 @@ def test_the_answer_gives_the_range_of_each_ratio() -> None:
     assert "0% (100 unknowns) to 40% (7 joints, 3+3) is Python" in told[2]
     assert told[3] == "step: Sawyer: 20% kinematics, 60% tasks, 20% solve."
     assert "1.5 times as long (7 joints, limits) as the sum of its own native QPs" in told[4]
-    assert "15 kernels took 240 s" in told[5]
 
 
 def test_the_history_keeps_how_many_times_faster_ours_is() -> None:

@@ -1,0 +1,37 @@
+"""Optional packages: what needs one says so in a sentence, with the command that installs it."""
+
+from __future__ import annotations
+
+import importlib.util
+
+from hqp_rp.core.errors import MissingExtraError
+
+_EXTRA_OF = {
+    "daqp": "qp",
+    "flint": "truth",
+    "mink": "mink",
+    "mujoco": "mujoco",
+    "osqp": "qp",
+    "pinocchio": "pinocchio",
+    "proxsuite": "qp",
+    "qpsolvers": "qp",
+    "scipy": "qp",
+}
+_REPORT = ("jinja2", "joblib", "matplotlib", "plotly", "polars", "rich", "tyro")
+
+
+def require(what: str, *modules: str) -> None:
+    """Raises `MissingExtraError` for the first of these modules that is not installed.
+
+    Args:
+        what: what needs them, as the beginning of a sentence. modules: by the name that an import gives them.
+    """
+    for module in modules:
+        if importlib.util.find_spec(module) is None:
+            extra = _EXTRA_OF.get(module, "report")
+            raise MissingExtraError(f'{what} needs {module}, which is not installed: pip install "hqp-rp[{extra}]"')
+
+
+def require_report(what: str) -> None:
+    """The same for everything that reports and the command line need."""
+    require(what, *_REPORT, "scipy", "mujoco", "qpsolvers", "flint")

@@ -1,0 +1,24 @@
+"""The program `hqp-rp`: the command line of `hqp_rp.compare`, or a sentence on what it lacks."""
+
+from __future__ import annotations
+
+import sys
+
+from hqp_rp.core.errors import MissingExtraError
+from hqp_rp.core.extras import require_report
+
+
+def main() -> int:
+    """Run the command line; 2 where the packages for reports are not installed."""
+    try:
+        require_report("The command line hqp-rp")
+    except MissingExtraError as error:
+        print(f"hqp-rp: {error}", file=sys.stderr)
+        return 2
+    from hqp_rp.compare.command_line import main as command_line
+
+    return command_line()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,87 @@
+"""What the library does with numpy alone, and what it says of the packages that are missing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+REFUSE = '''
+import importlib.machinery, sys
+ALLOWED = {"numpy", "hqp_rp"} | set(sys.stdlib_module_names)
+
+class Refuse:
+    """Finds nothing but numpy, the standard library and hqp_rp: an environment in which nothing else is installed."""
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ALLOWED:
+            return None
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+import importlib.util
+_find = importlib.util.find_spec
+importlib.util.find_spec = lambda name, package=None: _find(name, package) if name.partition(".")[0] in ALLOWED else None
+sys.meta_path.insert(0, Refuse())
+'''
+
+
+def run(code: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", REFUSE + code]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_everything_light_works_with_numpy_alone(tmp_path: Path) -> None:
+    smoke = (ROOT / "tests" / "wheel_smoke.py").read_text(encoding="utf-8")
+    more = f"""
+path = {str(tmp_path / "problem.npz")!r}
+hqp_rp.save_problem(boxed, path)
+assert hqp_rp.load_problem(path).hard_rows == 7
+assert len(hqp_rp.all_solvers()) >= 11
+for name in ("pseudo_inverse", "damped_least_squares", "singularity_robust"):
+    assert hqp_rp.solve(free, name).status.ok
+assert hqp_rp.solve(boxed, "reverse_priority_unilateral").status.ok
+assert hqp_rp.solve(free, "null_space", variant="projector").status.ok
+assert hqp_rp.solve(free, "reverse_priority", form="projector").status.ok
+assert [level.rank for level in hqp_rp.diagnose(free, np.zeros(7))] == [3, 3]
+assert len(hqp_rp.problems.names()) > 100 if hasattr(hqp_rp.problems, "names") else True
+from hqp_rp.robot import planar_arm, sawyer
+assert sawyer().kinematics(np.zeros((3, 7)))[2].shape == (3, 6, 7)
+import hqp_rp.control
+"""
+    done = run(smoke + more)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("code", "what", "module", "extra"),
+    [
+        ("hqp_rp.solve(p, 'qp_cascade')", "A QP back end", "qpsolvers", "qp"),
+        ("hqp_rp.get_solver('weighted')", "A QP back end", "qpsolvers", "qp"),
+        ("hqp_rp.solve(p, 'daqp')", "The solver daqp", "daqp", "qp"),
+        ("hqp_rp.truth(p)", "hqp_rp.truth", "flint", "truth"),
+        ("from hqp_rp.robot import MujocoRobot", "hqp_rp.robot.MujocoRobot", "mujoco", "mujoco"),
+        ("from hqp_rp.robot import PinocchioRobot", "hqp_rp.robot.PinocchioRobot", "pinocchio", "pinocchio"),
+        ("from hqp_rp.robot import load_robot", "hqp_rp.robot.load_robot", "mujoco", "mujoco"),
+        (
+            "from hqp_rp.scenarios.scenario import all_scenarios; all_scenarios()",
+            "The scenarios",
+            "mujoco",
+            "mujoco",
+        ),
+    ],
+)
+def test_what_is_missing_is_said_with_the_line_that_installs_it(code: str, what: str, module: str, extra: str) -> None:
+    start = "import hqp_rp, numpy as np\np = hqp_rp.Problem([hqp_rp.Level.equality(np.eye(2), [1.0, 2.0])])\n"
+    done = run(f"{start}try:\n    {code}\nexcept hqp_rp.MissingExtraError as error:\n    print(error)\n")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f'{what} needs {module}, which is not installed: pip install "hqp-rp[{extra}]"\n'
+
+
+def test_the_command_line_says_what_it_lacks() -> None:
+    done = run("from hqp_rp.script import main\nsys.exit(main())\n")
+    assert done.returncode == 2
+    told = 'hqp-rp: The command line hqp-rp needs jinja2, which is not installed: pip install "hqp-rp[report]"\n'
+    assert done.stderr == told
