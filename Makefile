@@ -101,7 +101,7 @@ COMPILER = if [ -n "$$CXX" ] || command -v c++ >/dev/null 2>&1 || command -v g++
 	  echo "There is no C++ compiler here: taking zig from PyPI, about 80 MB ..."; \
 	  $(BIN)/python -m pip install --quiet -c constraints.txt ziglang || exit 1; \
 	  for tool in cc c++ ar ranlib; do \
-	    printf '#!/bin/sh\nexec "%s/python" -m ziglang %s "$$@"\n' "$(CURDIR)/$(BIN)" $$tool >$(BIN)/zig-$$tool && chmod +x $(BIN)/zig-$$tool; \
+	    printf '\#!/bin/sh\nexec "%s/python" -m ziglang %s "$$@"\n' "$(CURDIR)/$(BIN)" $$tool >$(BIN)/zig-$$tool && chmod +x $(BIN)/zig-$$tool; \
 	  done; \
 	  export CC=$(ZIG_CC) CXX=$(ZIG_CXX) CMAKE_ARGS="-DCMAKE_AR=$(CURDIR)/$(BIN)/zig-ar -DCMAKE_RANLIB=$(CURDIR)/$(BIN)/zig-ranlib"; fi
 

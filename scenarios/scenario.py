@@ -12,8 +12,8 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
-from hqp_rp.core.extras import require
 from hqp_rp.core.errors import SettingError, unknown_name, unknown_setting
+from hqp_rp.core.extras import require
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution
 from hqp_rp.core.solver import Solver

@@ -16,13 +16,11 @@ from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution
 
 
-def equation_7(
-    J: list[FloatArray], b: list[FloatArray], zeta: FloatArray, eta: float, W: FloatArray
-) -> FloatArray:
+def equation_7(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray, eta: float, W: FloatArray) -> FloatArray:
     """x = (J^T J + lambda)^-1 (J^T b + lambda zeta), lambda = eta^2 W, J = [J_1; ...; J_p] (m, n), b (m,), zeta (n,)."""
     stacked, rhs = np.vstack(J), np.concatenate(b)
     weight = eta**2 * W
-    x: FloatArray = np.linalg.solve(stacked.T @ stacked + weight, stacked.T @ rhs + weight @ zeta)
+    x: FloatArray = np.asarray(np.linalg.solve(stacked.T @ stacked + weight, stacked.T @ rhs + weight @ zeta))
     return x
 
 
@@ -78,10 +76,10 @@ class DampedLeastSquares(ClosedForm):
             return as_one_level(super().solve, problem, secondary)
         # With W = R^T R and y = R x, ||x||_W = ||y||: plain damping of J R^-1.
         matrix, rhs, _, offsets = problem.stacked
-        turned = np.ascontiguousarray(np.linalg.solve(self.root.T, matrix.T).T)
+        turned = _solved(self.root.T, matrix.T).T.copy()
         free = None if secondary is None else self.root @ secondary
         found = as_one_level(super().solve, Problem.from_stacked(turned, rhs, rhs, offsets, check=False), free)
-        x = None if found.x is None else np.linalg.solve(self.root, found.x)
+        x = None if found.x is None else _solved(self.root, found.x)
         return Solution(problem, x, found.status, 0, found.message, secondary)
 
     def solve_many(
@@ -98,9 +96,14 @@ class DampedLeastSquares(ClosedForm):
             rows = as_one(offsets) if upper is None else offsets
             super().solve_many(matrix, lower, upper, rows, secondary, x, codes)
             return
-        turned = np.ascontiguousarray(np.swapaxes(np.linalg.solve(self.root.T, np.swapaxes(matrix, 1, 2)), 1, 2))
+        turned = np.swapaxes(_solved(self.root.T, np.swapaxes(matrix, 1, 2)), 1, 2).copy()
         super().solve_many(turned, lower, None, as_one(offsets), secondary @ self.root.T, x, codes)
-        x[:] = np.linalg.solve(self.root, x.T).T
+        x[:] = _solved(self.root, x.T).T
+
+
+def _solved(A: FloatArray, B: FloatArray) -> FloatArray:
+    """A^-1 B."""
+    return np.asarray(np.linalg.solve(A, B), dtype=np.float64)
 
 
 def _root(weight: ArrayLike) -> FloatArray:
@@ -113,7 +116,7 @@ def _root(weight: ArrayLike) -> FloatArray:
     if not np.allclose(W, W.T, rtol=1e-12, atol=0.0):
         raise SettingError("weight is not symmetric; give (W + W.T) / 2 if that is what is meant.")
     try:
-        return np.ascontiguousarray(np.linalg.cholesky(W).T)
+        return np.array(np.linalg.cholesky(W).T, dtype=np.float64, order="C")
     except np.linalg.LinAlgError:
         least = float(np.linalg.eigvalsh(W)[0])
         raise SettingError(

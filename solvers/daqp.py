@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import threading
 from typing import Any, ClassVar, NamedTuple
 
@@ -62,7 +63,7 @@ def unit_rows(stacked: Stacked, zeta: FloatArray, rho: float) -> Rows | None:
         up = np.where(equality, low, up)
         low, up = np.where(lengths > 0.0, low, -np.inf), np.where(lengths > 0.0, up, np.inf)
         softness = np.full(len(A), rho)
-        for start, end in zip(offsets[:-1], offsets[1:], strict=True):
+        for start, end in itertools.pairwise(offsets.tolist()):
             longest = lengths[start:end].max(initial=0.0)
             if longest > 0.0:
                 softness[start:end] = rho / np.maximum(lengths[start:end] / longest, _SHORTEST) ** 2

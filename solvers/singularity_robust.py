@@ -13,7 +13,7 @@ from hqp_rp.core.stacked import by_rank, load, pinv_times
 
 
 def equation_13(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
-    """x = J_1^+ b_1 + N_1 J_2^+ b_2 + N_2 J_3^+ b_3 + ... + N_p zeta, N_k = I - J^+ J, J = [J_1; ...; J_k]: (13) on N levels."""
+    """x = J_1^+ b_1 + N_1 J_2^+ b_2 + N_2 J_3^+ b_3 + ... + N_p zeta, N_k = I - J^+ J, J = [J_1; ...; J_k]: (13)."""
     n = len(zeta)
     x, N = np.zeros(n), np.eye(n)
     for k, (J_k, b_k) in enumerate(zip(J, b, strict=True)):

@@ -33,7 +33,9 @@ def _run(command: list[str], cwd: Path, **environment: str) -> subprocess.Comple
 
 def _copy_package(to: Path) -> None:
     for part in PARTS:
-        shutil.copytree(ROOT / part, to / part, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "_native*.so"))
+        shutil.copytree(
+            ROOT / part, to / part, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "_native*.so")
+        )
     for name in ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, to)
 

@@ -139,9 +139,7 @@ def start_up(runs: int = 5) -> dict[str, float]:
     and nothing cached but Python's own byte code.
     """
     end = "print(json.dumps(time.perf_counter() - s))"
-    return {
-        name: float(np.median([_fresh(_MAKE + call + end) for _ in range(runs)])) for name, call in _STARTS.items()
-    }
+    return {name: float(np.median([_fresh(_MAKE + call + end) for _ in range(runs)])) for name, call in _STARTS.items()}
 
 
 def _fresh(code: str) -> float:

@@ -24,7 +24,7 @@ FLOOR_FAMILIES = ("7_3-3", "7_1-5", "7_6-1-7", "7_3-3-7", "30", "100")
 """Families of equalities, on which the floor is measured."""
 
 FLOOR, KERNEL, CALL, SOLVE, LEXLS = "C floor", "kernel", "kernel from Python", "Solver.solve", "LexLS"
-"""Who is timed: the C cascade in a C loop, the kernel in a native loop, the native solver called from Python, the public call."""
+"""Who is timed: the C cascade and the kernel in native loops, the native solver called from Python, the public call."""
 
 _PASS = 1e-3  # s, what one timed pass over the instances takes at least
 

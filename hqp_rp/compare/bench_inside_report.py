@@ -12,7 +12,6 @@ from hqp_rp.compare.bench_timing import ratio
 from hqp_rp.compare.report import Section, Table, listing, number
 
 
-
 def inside_section(inside: Inside) -> Section | None:
     """The section, or None when nothing of it was measured."""
     makers: Sequence[tuple[Sequence[object], Callable[[Inside], Table]]] = (
@@ -165,7 +164,7 @@ def _allocated(inside: Inside) -> Table:
         for item in inside.allocated
     )
     caption = (
-        "One warm call, medians over instances. arrays: blocks that native code allocated for its workspace. beyond the answer: "
+        "One warm call, medians over instances. arrays: blocks that native code allocated. beyond the answer: "
         "the most bytes held at once inside the call and released by its end, by tracemalloc. "
         "kept: the Solution with its x. What LAPACK and ProxQP allocate for themselves is not seen."
     )

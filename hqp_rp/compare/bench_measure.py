@@ -114,9 +114,7 @@ def measure(asked: Asked, progress: bool = False) -> Measured:
             found_versions |= more
         results.append(result)
         missing += [sentence for sentence in absent if sentence not in missing]
-    inside = measure_inside(
-        asked.families, lexls=asked.lexls, quick=asked.quick, say=say
-    )
+    inside = measure_inside(asked.families, lexls=asked.lexls, quick=asked.quick, say=say)
     curves = {}
     if not asked.quick:
         for over in ("unknowns", "levels"):

@@ -166,7 +166,10 @@ def _batch(measured: Measured) -> Table:
 
 
 def _start(measured: Measured) -> Table:
-    rows = [(name if name == "import" else f"import and {name}", number(seconds)) for name, seconds in measured.start.items()]
+    rows = tuple(
+        (name if name == "import" else f"import and {name}", number(seconds))
+        for name, seconds in measured.start.items()
+    )
     caption = "Fresh processes, medians, numpy loaded before the clock starts; nothing is compiled at run time."
     return Table("Start", ("what", "s"), rows, caption)
 

@@ -162,7 +162,12 @@ class StackRows:
             if task._packed is not packed:
                 self._pack()
                 break
-        if self._accelerated is not None or self._own_q is not None or self._read_frames is not None or self._differences:
+        if (
+            self._accelerated is not None
+            or self._own_q is not None
+            or self._read_frames is not None
+            or self._differences
+        ):
             self._ask(v)
         sound = self._fill(matrix, lower, upper, 0.0 if dt is None else dt, plain)
         if upper is None:

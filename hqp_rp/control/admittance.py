@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import positive_number, real_array
-from hqp_rp.core.extras import require
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.extras import require
 from hqp_rp.core.problem import FloatArray
 
 SYMMETRY_TOLERANCE = 1e-9

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_numbers, axis_rows, finite_vector, frame_name
 from hqp_rp.control._native_rows import Layout
 from hqp_rp.control.task import FeedbackTask
-from hqp_rp.core.row_kinds import FRAME
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.row_kinds import FRAME
 from hqp_rp.robot.robot import Robot
 
 Target = TypeVar("Target")

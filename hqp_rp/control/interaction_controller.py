@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._stack_rows import LIMIT, StackRows
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
+from hqp_rp.control._stack_rows import LIMIT, StackRows
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.reference import Reference
 from hqp_rp.control.stack import Stack

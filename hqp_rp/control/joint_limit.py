@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import positive_number, real_array
-from hqp_rp.control._native_rows import NativeLimit, Layout
 from hqp_rp.control._coordinates import coordinate_index
+from hqp_rp.control._native_rows import Layout, NativeLimit
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
-from hqp_rp.core.row_kinds import BOX
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.row_kinds import BOX
 from hqp_rp.robot.robot import Robot
 
 

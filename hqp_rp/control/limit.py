@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import joint_indices, real_array
-from hqp_rp.control._native_rows import NativeLimit, Layout
+from hqp_rp.control._native_rows import Layout, NativeLimit
 from hqp_rp.core.errors import RobotError, SettingError
-from hqp_rp.core.row_kinds import BOX
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.row_kinds import BOX
 from hqp_rp.robot.robot import Robot
 
 PerJoint: TypeAlias = ArrayLike | Mapping[str, float] | None

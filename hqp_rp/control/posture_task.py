@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import joint_indices, real_array
-from hqp_rp.control._native_rows import Layout
 from hqp_rp.control._coordinates import plain_coordinates
+from hqp_rp.control._native_rows import Layout
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import RobotError, SettingError
-from hqp_rp.core.row_kinds import POSTURE
 from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.row_kinds import POSTURE
 from hqp_rp.robot.robot import Robot
 
 

@@ -195,7 +195,7 @@ class Reference(abc.ABC):
     @property
     def native(self) -> NativeRows | None:
         """The task that carries the rate; None where a subclass has an `evaluate` of its own."""
-        return self._twist.compiled if type(self).evaluate is Reference.evaluate else None
+        return self._twist.native if type(self).evaluate is Reference.evaluate else None
 
     def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
         """Jacobian (m, nv) and rate (m,), both scaled by the weight."""

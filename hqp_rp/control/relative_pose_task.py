@@ -10,8 +10,8 @@ from hqp_rp.control._checks import TWIST_AXES, axis_numbers, axis_rows, finite_v
 from hqp_rp.control._native_rows import Layout
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.row_kinds import RELATIVE
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.row_kinds import RELATIVE
 from hqp_rp.robot.robot import Robot
 
 

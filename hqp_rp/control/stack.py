@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._stack_rows import LIMIT, MINK_TASK, TASK, StackRows
 from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control._stack_rows import LIMIT, MINK_TASK, TASK, StackRows
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
@@ -51,7 +51,6 @@ class Stack:
     """
 
     __slots__ = (
-        "_rows",
         "_configurations",
         "_counts",
         "_ends",
@@ -62,6 +61,7 @@ class Stack:
         "_names",
         "_needs_dt",
         "_offsets",
+        "_rows",
         "_two_sided",
     )
 

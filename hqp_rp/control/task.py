@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import per_row
-from hqp_rp.control._native_rows import NativeTask, Layout
+from hqp_rp.control._native_rows import Layout, NativeTask
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 

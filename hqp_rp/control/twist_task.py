@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_numbers, axis_rows, finite_vector, frame_name, per_row
-from hqp_rp.control._native_rows import NativeTask, Layout
-from hqp_rp.core.row_kinds import TWIST
+from hqp_rp.control._native_rows import Layout, NativeTask
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.row_kinds import TWIST
 from hqp_rp.robot.robot import Robot
 
 

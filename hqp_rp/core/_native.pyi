@@ -4,6 +4,15 @@ The native core of hqp_rp: closed forms, active set, saturation, rows of tasks a
 
 
 
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Sides = NDArray[np.int8]
+
 class Problem:
     """The native half of `hqp_rp.Problem`: its arrays, and a view of them."""
 
@@ -33,59 +42,42 @@ class Problem:
         """Whether every row of every level is an equality."""
 
     @property
-    def names(self) -> object:
+    def names(self) -> tuple[str, ...]:
         """One name for each level."""
 
     @property
-    def given(self) -> object:
+    def given(self) -> FloatArray:
         """The matrix as it was given, with hard rows on top where `on_top`."""
 
     @property
-    def given_lower(self) -> object: ...
+    def given_lower(self) -> FloatArray: ...
 
     @property
-    def given_upper(self) -> object: ...
+    def given_upper(self) -> FloatArray: ...
 
     @property
-    def given_offsets(self) -> object: ...
+    def given_offsets(self) -> IntArray: ...
 
     @property
-    def given_hard(self) -> object:
+    def given_hard(self) -> Any:
         """The hard rows that were given apart, or None."""
 
     @property
     def on_top(self) -> bool:
         """Whether hard rows stand on top of the levels' rows in `given`."""
 
-    @property
-    def kept(self) -> object:
-        """What Python made of it once."""
-
-    @kept.setter
-    def kept(self, value: object | None) -> None: ...
+    kept: Any
 
 class Solution:
     """The native half of `hqp_rp.Solution`."""
 
     def __init__(self, problem: object, x: object | None, status: object, iterations: int = 0, message: object = '', secondary: object | None = None) -> None: ...
 
-    @property
-    def problem(self) -> object: ...
+    problem: Any
 
-    @problem.setter
-    def problem(self, arg: object, /) -> None: ...
+    x: Any
 
-    @property
-    def x(self) -> object: ...
-
-    @x.setter
-    def x(self, value: object | None) -> None: ...
-
-    @property
-    def status(self) -> object: ...
-
-    @status.setter
-    def status(self, arg: object, /) -> None: ...
+    status: Any
 
     @property
     def iterations(self) -> int: ...
@@ -93,34 +85,16 @@ class Solution:
     @iterations.setter
     def iterations(self, arg: int, /) -> None: ...
 
-    @property
-    def message(self) -> object: ...
+    message: Any
 
-    @message.setter
-    def message(self, arg: object, /) -> None: ...
+    secondary: Any
 
-    @property
-    def secondary(self) -> object: ...
+    held: Any
 
-    @secondary.setter
-    def secondary(self, value: object | None) -> None: ...
+    kept: Any
 
-    @property
-    def held(self) -> object: ...
-
-    @held.setter
-    def held(self, value: object | None) -> None: ...
-
-    @property
-    def kept(self) -> object: ...
-
-    @kept.setter
-    def kept(self, value: object | None) -> None: ...
-
-def register_solution(solution: object, statuses: tuple) -> None:
-    """
-    Say which class solvers return, and the members of `Status` in their order.
-    """
+def register_solution(solution: object, statuses: tuple[Any, ...]) -> None:
+    """Say which class solvers return, and the members of `Status` in their order."""
 
 def instruction_set() -> str:
     """For which instruction set the kernels in use were compiled."""
@@ -133,10 +107,122 @@ def workspace_allocations() -> int:
 class ClosedForm:
     """A closed form on equality levels, with its settings."""
 
-    def solve(self, problem: object, secondary: object | None) -> object:
+    def solve(self, problem: object, secondary: object | None) -> Any: ...
+
+    def solve_many(self, matrix: object, rhs: object, offsets: object, secondary: object, x: object, codes: object) -> None:
         """
-        Its Solution; None for a problem with hard or two-sided rows. secondary: (n,) float64, or None.
+        Solve N problems of one shape: (N, M, n), (N, M), (p + 1,), (N or 1, n); fills x (N, n) and codes (N,) uint8.
         """
+
+    def loop(self, matrix: object, rhs: object, offsets: object, x: object, repeats: int) -> None:
+        """
+        Solve (N, M, n), (N, M), (p + 1,) one by one into x (N, n), so many times: for benchmarks.
+        """
+
+def reverse_priority(rank_tolerance: float, kind: int, first: float, second: float) -> ClosedForm:
+    """Reverse priority (23)-(29), damped in T_k."""
 
 def null_space(rank_tolerance: float, kind: int, first: float, second: float) -> ClosedForm:
     """Null-space priority (9)-(11) as an orthogonal cascade."""
+
+class ActiveSet:
+    """The hierarchical active set with its settings and its warm starts."""
+
+    def __init__(self, rank_tolerance: float, max_iterations: int, warm_start: bool, least_violation: bool) -> None:
+        """max_iterations: working sets factored, -1 for 200 + 10 per row."""
+
+    def solve(self, problem: object, secondary: object | None) -> Any: ...
+
+    def reset(self) -> None:
+        """Forget warm starts."""
+
+def proven_optimal(problem: object, x: object, zeta: object, accept: float, rank_tolerance: float) -> bool:
+    """
+    Whether x (n,) is proven to be the lexicographic optimum nearest to zeta (n,); False proves nothing.
+    """
+
+def active_set(
+    problem: object, secondary: object | None, rank_tolerance: float, limit: int, least_violation: bool, x: object, side: object
+) -> tuple[int, int]:
+    """One search from x (n,) and side (hard rows and rows,) int64, both overwritten: (position in Status, iterations)."""
+
+def polish(M: object, c: object, rows: object, lower: object, upper: object, soft: int, t: object, y: object) -> None:
+    """
+    Refine t (n,) and y (m,), an answer to min ||M t - c||^2 / 2 + ||s||^2 / 2 under lower <= rows t + [s; 0] <= upper, in place.
+    """
+
+class QPCascade:
+    """
+    The stages of a cascade of QPs for problems of one shape; not to be shared between threads.
+    """
+
+    def __init__(self, unknowns: int, hard_rows: int, offsets: object) -> None: ...
+
+    def begin(
+        self, problem: object, secondary: object | None, accept: float, rank_tolerance: float, polish: bool
+    ) -> tuple[int, int, int, int, bool]: ...
+
+    def answer(self, t: object | None, y: object | None) -> tuple[int, int, int, int, bool]: ...
+
+    def go_on(self) -> tuple[int, int, int, int, bool]: ...
+
+    @property
+    def views(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(hessian, gradient, rows, slack_rows, lower, upper, start, y) of the QP that is asked for, as views."""
+
+    @property
+    def x(self) -> FloatArray: ...
+
+    @property
+    def least(self) -> FloatArray: ...
+
+    @property
+    def side(self) -> Sides: ...
+
+    @property
+    def stage(self) -> int:
+        """
+        The stage that asked: 0 the hard rows, 1 ... p the levels, p + 1 the last one.
+        """
+
+class Kinematics:
+    """Poses and Jacobians of frames, read out of MuJoCo's own memory."""
+
+    def __init__(
+        self, frames: object, chains: list[list[int]], dofs: object, bodies: object, mass: float, state: dict[str, Any]
+    ) -> None: ...
+
+    def read(self, rotations: object, origins: object, jacobians: object) -> None:
+        """
+        Fill (F, 3, 3), (F, 3) and (F, 6, nv); what is always zero is left as it is.
+        """
+
+class Rows:
+    """The rows of a stack's own tasks and limits on one robot."""
+
+    def __init__(self, items: object, index: object, numbers: object, values: object, rotations: object, origins: object, jacobians: object, kinematics: object | None, q: object | None, time: int) -> None: ...
+
+    def place(self) -> None:
+        """Take up the table of items again."""
+
+    def fill(self, matrix: object, lower: object, upper: object | None, dt: float, plain: bool) -> bool:
+        """
+        Fill the rows of all items in (M, n), (M,) and (M,) or None, and judge all M rows: whether they are sound.
+        """
+
+    def fill_many(self, rotations: object, origins: object, jacobians: object, values: object, matrices: object, lowers: object) -> int:
+        """
+        The same at N configurations, equalities alone: the first that is not sound, or -1.
+        """
+
+def serial_arm(q: object, d: object, a: object, cos_alpha: object, sin_alpha: object, frame: int, rotations: object, origins: object, jacobians: object) -> None:
+    """Pose and Jacobian of a frame of an arm at q (N, n)."""
+
+def rotation_vector(R: object) -> FloatArray:
+    """log R (3,), of a rotation (3, 3)."""
+
+def allowed_step(distance: float, gain: float, a: float) -> float:
+    """The signed step towards a limit at a signed distance; a = A dt^2."""
+
+def saturation_null_space(problem: object, secondary: object | None, rank_tolerance: float, optimal: bool) -> tuple[Any, ...]:
+    """(x, scale of each level, finite, tried, unfinished level, missed level), -1 for no level, or two rows in conflict."""

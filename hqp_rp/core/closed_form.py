@@ -101,7 +101,8 @@ class ClosedForm(Solver):
             return self._refusal(problem) or self._in_numpy(problem, secondary)
         if solution.x is None:
             solution.message = _OVERFLOW
-        return solution
+        found: Solution = solution
+        return found
 
     def _in_numpy(self, problem: Problem, secondary: FloatArray | None) -> Solution:
         matrix, rhs, _, offsets = problem.stacked

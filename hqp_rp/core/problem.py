@@ -9,7 +9,6 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.arrays import require_arrays
-from hqp_rp.core.errors import ProblemError
 from hqp_rp.core.level import FloatArray, IntArray, Level, checked_levels, frozen, split_levels
 
 __all__ = ["FloatArray", "IntArray", "Level", "Problem", "Stacked"]
@@ -190,7 +189,9 @@ class Problem(_native.Problem):
 
     def _top(self) -> Level:
         top = slice(self.hard_rows)
-        return Level._view(frozen(self.given[top]), frozen(self.given_lower[top]), frozen(self.given_upper[top]), "limits")
+        return Level._view(
+            frozen(self.given[top]), frozen(self.given_lower[top]), frozen(self.given_upper[top]), "limits"
+        )
 
     @property
     def levels(self) -> tuple[Level, ...]:

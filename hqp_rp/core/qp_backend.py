@@ -157,7 +157,9 @@ class QpsolversBackend(Backend):
             answer = self._solve_once(qp, hessian, gradient)
             if answer.t is None and m:
                 apart = self._APART * self._eps_abs
-                answer = self._solve_once(qp._replace(lower=qp.lower - apart, upper=qp.upper + apart), hessian, gradient)
+                answer = self._solve_once(
+                    qp._replace(lower=qp.lower - apart, upper=qp.upper + apart), hessian, gradient
+                )
             if answer.t is None or answer.outcome is not Outcome.CONVERGED:
                 return answer
             moved = float(np.abs(proximal * (answer.t - centre)).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""What solvers that stand on QPs keep between calls: back ends, and the stages of each shape of problem with their warm starts."""
+"""What solvers that stand on QPs keep between calls: back ends, and the stages of each shape of problem."""
 
 from __future__ import annotations
 

@@ -5,6 +5,7 @@ Arrays stand stacked: A (N, m, n) are N matrices. The rank rule and the damping 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -47,11 +48,11 @@ class Loaded(NamedTuple):
 
 def load(matrix: FloatArray, rhs: FloatArray, offsets: IntArray) -> Loaded:
     """`Loaded` from (N, M, n), (N, M) and offsets (p + 1,)."""
-    finite = np.isfinite(matrix).all(axis=(1, 2)) & np.isfinite(rhs).all(axis=1)
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(matrix).all(axis=(1, 2)) & np.isfinite(rhs).all(axis=1))
     matrix = np.where(finite[:, None, None], matrix, 0.0)
     rhs = np.where(finite[:, None], rhs, 0.0)
     J, b, scales, sizes = [], [], [], []
-    for start, end in zip(offsets[:-1], offsets[1:], strict=True):
+    for start, end in itertools.pairwise(offsets.tolist()):
         level = matrix[:, start:end]
         largest = np.abs(level).max(axis=(1, 2), initial=0.0)
         exponent = np.where(largest > 0.0, np.clip(np.frexp(largest)[1], -1000, 1000), 0)
@@ -70,7 +71,7 @@ def two_norms(A: FloatArray) -> FloatArray:
     """(N,) ||A||_2 of every matrix."""
     if min(A.shape[1:]) == 0:
         return np.zeros(len(A))
-    norms: FloatArray = np.linalg.svd(A, compute_uv=False)[:, 0]
+    norms: FloatArray = np.asarray(np.linalg.svd(A, compute_uv=False)[:, 0], dtype=np.float64)
     return norms
 
 
@@ -116,7 +117,8 @@ def pinv(J: FloatArray, zero: FloatArray, damping: Damping, unit: FloatArray | N
         return np.zeros((len(J), J.shape[2], J.shape[1]))
     U, sigma, Vt = np.linalg.svd(J, full_matrices=False)
     inverse = damped_inverses(sigma, zero, damping, np.ones(len(J)) if unit is None else unit, True)
-    return np.swapaxes(Vt, 1, 2) @ (inverse[:, :, None] * np.swapaxes(U, 1, 2))
+    found: FloatArray = np.swapaxes(Vt, 1, 2) @ (inverse[:, :, None] * np.swapaxes(U, 1, 2))
+    return found
 
 
 def by_rank(
@@ -137,4 +139,5 @@ def range_projector(T: FloatArray) -> FloatArray:
     """T T^+ (N, n, n), from the left singular vectors of T (N, n, d) whose singular values are above 1e-12 of the largest."""
     U, sigma, _ = np.linalg.svd(T, full_matrices=False)
     Q = U * (sigma > 1e-12 * sigma[:, :1])[:, None, :]
-    return Q @ np.swapaxes(Q, 1, 2)
+    projector: FloatArray = Q @ np.swapaxes(Q, 1, 2)
+    return projector

@@ -92,7 +92,8 @@ def contradiction(hard: Level, x: FloatArray) -> str:
         value = A @ x
         above, below = hard.upper[rows] / lengths[rows] - value, value - hard.lower[rows] / lengths[rows]
         size = float(np.linalg.norm(x)) + max(
-            (float(np.abs(b[np.isfinite(b)]).max(initial=0.0)) for b in (hard.lower[rows] / lengths[rows], hard.upper[rows] / lengths[rows]))
+            float(np.abs(b[np.isfinite(b)]).max(initial=0.0))
+            for b in (hard.lower[rows] / lengths[rows], hard.upper[rows] / lengths[rows])
         )
     G, h = np.concatenate((A, -A)), np.concatenate((above, below))
     near = np.isfinite(h)
@@ -107,7 +108,9 @@ def contradiction(hard: Level, x: FloatArray) -> str:
     left = float(np.linalg.norm(G.T @ w))
     margin = -float(h @ w)
     rounding = FARKAS_ROUNDING * (float(np.abs(h) @ w) + float(w.sum()) * size)
-    if not margin > left * FARKAS_REACH * (size + unit) + rounding or not margin > CONTRADICTION * size * float(w.sum()):
+    if not margin > left * FARKAS_REACH * (size + unit) + rounding or not margin > CONTRADICTION * size * float(
+        w.sum()
+    ):
         return ""
     named = sorted(set(numbers[chosen].tolist()))
     shown = ", ".join(str(i) for i in named[:8]) + (", ..." if len(named) > 8 else "")

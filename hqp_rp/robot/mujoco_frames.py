@@ -29,7 +29,8 @@ def kinematics_of(model: Any, data: Any, frames: Sequence[int | None], mass: flo
         model, data: the model and a state of it. frames: numbers of bodies, of sites after the bodies, or None for the centre
             of mass. mass: of the moving bodies, kg.
     """
-    table, chains = [], []
+    table: list[tuple[int, int]] = []
+    chains: list[list[int]] = []
     for number in frames:
         if number is None:
             table.append((-1, 0))
@@ -88,8 +89,10 @@ def _chain(model: Any, body: int) -> list[int]:
 
 
 def _dofs(model: Any) -> list[tuple[int, int, int, int]]:
-    """Of each dof its axis (0 ... 2 of the world, 3 ... 5 a column of the body's rotation, 6 the joint's own), joint, whether it
-    turns, and body."""
+    """Of each dof its axis, joint, whether it turns, and body.
+
+    Axes: 0 ... 2 of the world, 3 ... 5 a column of the body's rotation, 6 the joint's own.
+    """
     found: list[tuple[int, int, int, int]] = []
     for j in range(model.njnt):
         kind, body = int(model.jnt_type[j]), int(model.jnt_bodyid[j])

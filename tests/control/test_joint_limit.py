@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hqp_rp.control import JointLimit
-from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core._native import allowed_step
+from hqp_rp.core.errors import RobotError, SettingError
 from tests.control.chain import Chain, random_chain
 
 _allowed_step = np.vectorize(allowed_step)

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from hqp_rp.core import _native
 from hqp_rp import Level, Problem, SettingError, Status, solve, truth
+from hqp_rp.core import _native
 from hqp_rp.solvers.saturation_null_space import SaturationNullSpace, ScaledSolution
 from tests.hard_problems import box_problem, hard_violation
 from tests.problems import Array, boxed, equality_cases, independent

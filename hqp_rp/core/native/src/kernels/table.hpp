@@ -25,10 +25,12 @@ void call_serial_arm(const SerialArm&, const double*, std::int64_t, int, double*
 
 bool call_saturation(SaturationCall&, Workspace&);
 
-// Calls with a width known to the compiler where rows fit one or two lanes.
+// Calls with a width known to the compiler where rows fit one lane.
 template <class Function>
 HQP_INLINE auto with_width(int n, Function function) {
+#ifndef HQP_ANY_WIDTH
   if (n <= lanes) return function(Width<lanes>{});
+#endif
   if (n <= 2 * lanes) return function(Width<2 * lanes>{});
   return function(padded(n));
 }
