@@ -63,7 +63,7 @@ def allocations(labels: Sequence[str], families: Sequence[str]) -> tuple[tuple[A
         return (), f"Allocations are not counted: the process that counts them ended with {last!r}."
     probe, rows = json.loads(done.stdout.splitlines()[-1])
     if probe[0] < 1 or probe[1] + probe[2] < 8 * _PROBE_SIZE * _PROBE_ARRAYS:
-        return (), "Allocations are not counted: those of a probe are not seen."
+        return (), "Allocations are not counted: this machine does not report those of a probe."
     return tuple(Allocations(*row) for row in rows), ""
 
 

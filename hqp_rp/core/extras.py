@@ -7,15 +7,10 @@ import importlib.util
 from hqp_rp.core.errors import MissingExtraError
 
 _EXTRA_OF = {
-    "daqp": "qp",
     "flint": "truth",
     "mink": "mink",
     "mujoco": "mujoco",
-    "osqp": "qp",
     "pinocchio": "pinocchio",
-    "proxsuite": "qp",
-    "qpsolvers": "qp",
-    "scipy": "qp",
 }
 _REPORT = ("jinja2", "joblib", "matplotlib", "plotly", "polars", "rich", "tyro")
 
@@ -28,7 +23,7 @@ def require(what: str, *modules: str) -> None:
     """
     for module in modules:
         if importlib.util.find_spec(module) is None:
-            extra = _EXTRA_OF.get(module, "report")
+            extra = "report" if module in _REPORT else _EXTRA_OF.get(module, "qp")
             raise MissingExtraError(f'{what} needs {module}, which is not installed: pip install "hqp-rp[{extra}]"')
 
 

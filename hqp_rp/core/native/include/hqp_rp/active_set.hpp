@@ -71,8 +71,11 @@ class ActiveSetSearch {
   Outcome solve(const double* z, bool go_on, double* x, int* side, bool guessed) {
     const Problem& p = problem_;
     bool sound = true;
-    if (p.hard_rows)
-      sound = rows_.load(0, p.hard_rows, p.hard_matrix, p.hard_rows, p.hard_lower, p.hard_upper, guessed ? side : nullptr);
+    // Hard rows are met or not, each in its own scale; only a least violation weighs them against each other, as they were given.
+    const int together = go_on ? std::max(p.hard_rows, 1) : 1;
+    for (int i = 0; i < p.hard_rows && sound; i += together)
+      sound = rows_.load(i, together, p.hard_matrix + static_cast<std::ptrdiff_t>(i) * n_, p.hard_rows - i, p.hard_lower + i,
+                         p.hard_upper + i, guessed ? side : nullptr);
     for (int k = 0; k < p.levels && sound; ++k) {
       const std::int64_t r0 = p.offsets[k];
       const int m = static_cast<int>(p.offsets[k + 1] - r0);
