@@ -68,7 +68,7 @@ class Stages:
             asked, n, m, soft, guessed = cascade.answer(t, y)
         if asked == _OVERFLOW:
             return Solution(problem, None, Status.NOT_FINITE, run.iterations, NOT_FINITE, secondary)
-        return verified(problem, cascade.x, secondary, tolerance, run, cascade.side, cascade.least)
+        return verified(problem, cascade, secondary, tolerance, run)
 
     def _stage(self, problem: Problem) -> str:
         """The name of the level whose QP is being solved."""
@@ -77,19 +77,14 @@ class Stages:
 
 
 def verified(
-    problem: Problem,
-    x: FloatArray,
-    secondary: FloatArray | None,
-    tolerance: float,
-    run: _Run,
-    side: Any,
-    least: FloatArray,
+    problem: Problem, cascade: _native.QPCascade, secondary: FloatArray | None, tolerance: float, run: _Run
 ) -> Solution:
     """The answer with its verdict; no x that breaks a hard row is returned."""
+    x = cascade.x
     fault = fault_of(problem, x, secondary, tolerance)
     if fault and problem.hard is not None:
         broken = breaks_hard_rows(problem, x, tolerance)
-        conflict = contradiction(problem.hard, least) if broken else ""
+        conflict = contradiction(problem.hard, cascade.least) if broken else ""
         if conflict:
             return Solution(problem, None, Status.INFEASIBLE, run.iterations, conflict, secondary)
         if broken:
@@ -100,7 +95,7 @@ def verified(
         status = Status.ITERATION_LIMIT if run.hit_limit else Status.INACCURATE
         fault = " ".join([fault, *(f"{remark}." for remark in run.remarks)])
     solution = Solution(problem, x, status, run.iterations, fault, secondary)
-    solution.held = side
+    solution.held = cascade.side
     return solution
 
 

@@ -1,7 +1,7 @@
 // Many problems of one shape: eight side by side where the ranks can be proven full, one by one where not.
 //
 // Side by side, entry (i, j) of eight problems stands in one lane, so that every operation of the cascade is one vector operation. It
-// factors without pivoting; a problem whose triangles do not prove that no singular value counts as zero, or whose numbers are not
+// factors without pivoting; a problem whose triangles do not prove that it is far from a singularity, or whose numbers are not
 // finite or of unusual size, is left to the one-by-one form: answers obey the same rank rule.
 #pragma once
 
@@ -141,7 +141,8 @@ struct SideBySide {
 
   // y <- the cascade's steps from z in x's own coordinates; levels in falling order where `reversed`, which then must be independent.
   // good[lane] keeps where every rank was proven full and every number was of usual size.
-  void solve(double tol, bool reversed, bool* good, int* later) {
+  void solve(double rank_tolerance, bool reversed, bool* good, int* later) {
+    const double tol = rank_tolerance > tolerance::side_by_side ? rank_tolerance : tolerance::side_by_side;
     for (int j = 0; j < n; ++j) Lane::all(0.0).store(y + j * lanes);
     for (int l = 0; l < lanes; ++l) good[l] = true;
     int c0 = 0, reflected = 0;

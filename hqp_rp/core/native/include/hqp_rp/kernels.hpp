@@ -4,6 +4,7 @@
 #include "hqp_rp/damping.hpp"
 #include "hqp_rp/problem.hpp"
 #include "hqp_rp/qp_stages.hpp"
+#include "hqp_rp/tolerances.hpp"
 #include "hqp_rp/workspace.hpp"
 
 namespace hqp {
@@ -12,7 +13,7 @@ namespace hqp {
 struct ActiveSetCall {
   const Problem* problem = nullptr;
   const double* z = nullptr;     // (unknowns,) what x should be near to; null means 0
-  double rank_tolerance = 1e-12;
+  double rank_tolerance = tolerance::rank;
   int limit = 1000;              // working sets factored
   bool least_violation = false;  // go on over the points that violate contradicting hard rows least
   bool guessed = false;          // whether `side` says at which bound rows are thought to be active
@@ -27,7 +28,7 @@ struct ActiveSetCall {
 struct SaturationCall {
   const Problem* problem = nullptr;  // of equalities; its hard rows are the box
   const double *low = nullptr, *high = nullptr, *zeta = nullptr;  // (unknowns,)
-  double rank_tolerance = 1e-12;
+  double rank_tolerance = tolerance::rank;
   bool optimal = false;
   double* x = nullptr;       // (unknowns,)
   double* scales = nullptr;  // (levels,)

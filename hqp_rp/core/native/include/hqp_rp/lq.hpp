@@ -54,7 +54,7 @@ HQP_INLINE int lq(Matrix A, int r0, int r1, int c0, int n, double* companion, do
     reflect_rows(A, top + 1, r1, v, c, width);
     for (int i = top + 1; i < r1; ++i) {
       lengths[2 * i] -= A[i][c] * A[i][c];
-      if (!(lengths[2 * i] > 1e-6 * lengths[2 * i + 1])) lengths[2 * i] = lengths[2 * i + 1] = square_from(A[i], c + 1, width);
+      if (!(lengths[2 * i] > tolerance::stale_length * lengths[2 * i + 1])) lengths[2 * i] = lengths[2 * i + 1] = square_from(A[i], c + 1, width);
     }
   }
   // Where it stopped early, what is left of the other rows is rounding error.

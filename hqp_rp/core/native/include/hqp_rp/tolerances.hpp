@@ -12,6 +12,9 @@ constexpr double rank = 1e-12;
 // A row that is shorter than this part of ||A_k||_F after elimination holds rounding error alone: factorizations stop there.
 constexpr double elimination = 64.0 * eps;
 
+// A squared length that has been brought up to date is computed afresh below this part of what it was.
+constexpr double stale_length = 1e-6;
+
 // Levels whose sizes are further apart than this ratio weigh as this far apart: what is beyond is rounding error.
 constexpr double largest_ratio = 1125899906842624.0;  // 2^50
 
@@ -40,6 +43,9 @@ constexpr double depends = 1e-12;
 
 // After a step of length zero has repeated, a row this near to its bound blocks (Bland's rule), as a part of its size.
 constexpr double bland_slack = 1e-12;
+
+// What of a row's bound counts as its size there.
+constexpr double bland_bound = 1e-3;
 
 // A step shorter than this part of ||x|| counts as one of length zero.
 constexpr double idle = 1e-13;
@@ -144,5 +150,10 @@ constexpr double no_slope = 1e-300;
 
 // What a solved level may be off its scaled task: this times ||A_k||_F ||x|| + ||b_k||, the tolerance that the solver declares.
 constexpr double saturation_missed = 1e-9;
+
+// --- batches ---------------------------------------------------------------------------------------------------------------
+
+// A problem with a singular value below this part of its level's norm is solved by itself, with pivoting: rounding shows there.
+constexpr double side_by_side = 1e-6;
 
 }  // namespace hqp::tolerance

@@ -184,7 +184,7 @@ struct WorkingRows {
       const double b = s > 0.0 ? up[i] : low[i];
       if (!(std::fabs(b) < infinite)) continue;
       const double left = s > 0.0 ? b - before[i] : before[i] - b;
-      const double part = left <= slack * (norm[i] + 1e-3 * std::fabs(b)) ? 0.0 : left / std::fabs(s);
+      const double part = left <= slack * (norm[i] + tolerance::bland_bound * std::fabs(b)) ? 0.0 : left / std::fabs(s);
       if (part < best.length) best = {part, i, s > 0.0 ? 1 : -1};
     }
     return best;
