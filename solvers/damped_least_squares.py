@@ -20,8 +20,8 @@ def equation_7(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray, eta: 
     """x = (J^T J + lambda)^-1 (J^T b + lambda zeta), lambda = eta^2 W, J = [J_1; ...; J_p] (m, n), b (m,), zeta (n,)."""
     stacked, rhs = np.vstack(J), np.concatenate(b)
     weight = eta**2 * W
-    x: FloatArray = np.asarray(np.linalg.solve(stacked.T @ stacked + weight, stacked.T @ rhs + weight @ zeta))
-    return x
+    solved = np.linalg.solve(stacked.T @ stacked + weight, stacked.T @ rhs + weight @ zeta)
+    return np.asarray(solved, dtype=np.float64)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,14 @@ import numpy as np
 from hqp_rp import Level, Problem, Solution, Solver, Status, certify, get_solver
 from hqp_rp.core.verify import breaks_hard_rows
 
-SOLVERS = ("hierarchical_active_set", "qp_cascade", "weighted", "daqp", "saturation_null_space", "reverse_priority_unilateral")
+SOLVERS = (
+    "hierarchical_active_set",
+    "qp_cascade",
+    "weighted",
+    "daqp",
+    "saturation_null_space",
+    "reverse_priority_unilateral",
+)
 KINDS = ("feasible", "infeasible", "parallel", "scaled", "dependent", "tiny")
 
 
@@ -63,7 +70,9 @@ def random_feasible(rng: np.random.Generator, kind: str = "feasible") -> Problem
     if kind == "scaled":
         factors = 10.0 ** rng.uniform(-6, 6, len(A))
         A, lower, upper = factors[:, None] * A, factors * lower, factors * upper
-        levels = [Level.equality(s * level.A, s * level.lower) for level in levels for s in (10.0 ** rng.uniform(-6, 6),)]
+        levels = [
+            Level.equality(s * level.A, s * level.lower) for level in levels for s in (10.0 ** rng.uniform(-6, 6),)
+        ]
     if kind == "tiny":
         factor = 10.0 ** rng.uniform(-12, -6)
         lower, upper = factor * lower, factor * upper
@@ -84,7 +93,9 @@ def fault(solver: Solver, kind: str, problem: Problem, solution: Solution, fresh
     if kind == "infeasible":
         if solution.x is not None or solution.status is Status.SOLVED:
             return f"an x for hard rows in conflict, {solution.status.name}"
-        return "" if solution.status in (Status.INFEASIBLE, Status.REFUSED) else f"conflict called {solution.status.name}"
+        return (
+            "" if solution.status in (Status.INFEASIBLE, Status.REFUSED) else f"conflict called {solution.status.name}"
+        )
     if solution.status is Status.INFEASIBLE:
         return "a feasible problem called INFEASIBLE"
     if solution.x is None:

@@ -170,6 +170,8 @@ def test_output_that_does_not_agree(expected: str, actual: str) -> None:
 def test_every_place_named_by_the_equation_table_exists() -> None:
     text = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
     places = re.findall(r"`(core|robot|control|solvers|scenarios)/(\w+)\.py(?::(\w+))?`", text)
+    for header in re.findall(r"`(core/native/[\w/.]+)`", text):
+        assert (ROOT / "hqp_rp" / header).exists(), header
     assert len(places) >= 10
     for folder, module, name in places:
         found = importlib.import_module(f"hqp_rp.{folder}.{module}")

@@ -77,8 +77,6 @@ def run_units(units: Sequence[Unit], folder: RunFolder, *, workers: int | None, 
     with progress_bar(progress, total, done) as advance:
         if not left:
             return
-        advance(0, "starting")
-        warm_up({repr(unit.contestant.solver): unit.contestant.solver for unit in left}.values())
         advance(0, "solving")
         for unit in _finished(left, folder, min(workers or usable_cores(), len(left))):
             advance(weights[id(unit)], f"{type(unit.scenario).name}: {unit.contestant.label}")
@@ -87,7 +85,7 @@ def run_units(units: Sequence[Unit], folder: RunFolder, *, workers: int | None, 
 def _finished(left: Sequence[Unit], folder: RunFolder, workers: int) -> Iterator[Unit]:
     if workers == 1:
         for unit in left:
-            folder.save(unit.key, run_unit(unit))
+            folder.save(unit.key, _indexed(0, unit)[1])
             yield unit
         return
     import joblib

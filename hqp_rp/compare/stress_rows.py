@@ -42,7 +42,7 @@ def chunk_rows(plan: Plan, index: int) -> pl.DataFrame:
         chunk = plan.chunks[index]
         samples = plan.samples_of(chunk)
         stacked = _stacked(samples)
-        warm_up_batches(plan)
+        _warm_up(plan)
         solved = [(contestant.label, _solve(contestant.solver, samples, stacked)) for contestant in plan.contestants]
         found = references(samples, [x for _, (x, _, _) in solved])
         common = _common(samples, found)
@@ -53,14 +53,14 @@ def chunk_rows(plan: Plan, index: int) -> pl.DataFrame:
 
 
 def is_batched(solver: Solver) -> bool:
-    """Whether the solver takes many problems in one compiled call."""
+    """Whether the solver takes many problems in one native call."""
     return type(solver).solve_many is not Solver.solve_many
 
 
 _warm: set[str] = set()
 
 
-def warm_up_batches(plan: Plan) -> None:
+def _warm_up(plan: Plan) -> None:
     """Load what each solver needs, once in each process, so that no loading is taken for solve time."""
     fresh = [item.solver for item in plan.contestants if repr(item.solver) not in _warm]
     if not fresh:

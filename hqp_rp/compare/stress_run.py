@@ -12,7 +12,7 @@ from hqp_rp.compare.machine import usable_cores
 from hqp_rp.compare.run import one_thread_each, progress_bar
 from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.compare.stress_plan import Plan
-from hqp_rp.compare.stress_rows import chunk_rows, warm_up_batches
+from hqp_rp.compare.stress_rows import chunk_rows
 from hqp_rp.core.errors import MissingExtraError, SettingError
 
 Finished: TypeAlias = Iterator[tuple[int, pl.DataFrame]]
@@ -42,8 +42,6 @@ def run_chunks(
     with progress_bar(progress, plan.samples, done, "samples") as advance:
         if not left:
             return
-        advance(0, "compiling kernels")
-        warm_up_batches(plan)
         advance(0, "solving")
         if client is not None:
             finished = _by_dask(plan, left, client)

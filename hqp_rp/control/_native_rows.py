@@ -1,4 +1,4 @@
-"""Tasks and limits whose rows are made by compiled code, alone or together with those of a whole stack."""
+"""Tasks and limits whose rows are made by native code, alone or together with those of a whole stack."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class NativeLimit(NativeRows):
 
 
 class _Itself:
-    """An item that is compiled, whatever its class makes of `evaluate` or `rows`."""
+    """An item whose rows the native core makes, whatever its class makes of `evaluate` or `rows`."""
 
     def __init__(self, rows: NativeRows) -> None:
         self.native = rows

@@ -164,7 +164,7 @@ class Stack:
         Args:
             robot: any `Robot`. q: (N, nq) configurations, N >= 1.
             dt, v: as for `problem`; v (nv,) for all.
-            threads: how many share compiled work; None means one for each core.
+            threads: how many share native work; None means one for each core.
 
         Returns A (N, M, nv), lower (N, M), upper (N, M) or None where every row is an equality, and offsets (p + 1,).
 

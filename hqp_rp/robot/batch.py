@@ -28,7 +28,7 @@ class FrameBatch(NamedTuple):
 def frame_batch(robot: Robot | DHArm, frame: str, q: ArrayLike, *, threads: int | None = None) -> FrameBatch:
     """Poses and Jacobians of `frame` at the configurations q (N, nq).
 
-    A `DHArm`, and a `MujocoRobot` made from one, take one compiled call: eight configurations side by side in vector
+    A `DHArm`, and a `MujocoRobot` made from one, take one native call: eight configurations side by side in vector
     registers, all cores, no Python per configuration. Any other robot is moved from one to the next, and put back.
 
     Args:

@@ -1,7 +1,7 @@
 """Serial arms from Denavit-Hartenberg rows, as plain data with closed-form kinematics.
 
 A `DHArm` is the one source from which the MuJoCo and the Pinocchio model of an arm are made; its own kinematics are a
-third, independent computation of poses and Jacobians, of any number of configurations in one compiled call.
+third, independent computation of poses and Jacobians, of any number of configurations in one native call.
 """
 
 from __future__ import annotations

@@ -27,11 +27,12 @@ def test_what_a_solve_allocates_is_counted() -> None:
         assert row.arrays >= 0
         assert row.beyond >= 0
     assert found["null space", "7_3-3"].arrays == found["reverse priority", "7_3-3"].arrays == 0
-    # On equalities the cascade works on what it keeps between calls; polishing an answer with rows takes matrices of its own.
+    # The cascade works in the workspace it keeps between calls; what Python holds inside a call is no matrix.
     assert found["QP ProxQP", "100"].arrays == found["QP ProxQP", "7_3-3"].arrays == 0
     assert found["QP ProxQP", "100"].beyond < 8 * 100
     assert found["QP ProxQP", "7_limits"].arrays == 0
-    assert found["QP ProxQP", "humanoid_40"].beyond > 8 * 38 * 38 > found["QP ProxQP", "7_limits"].beyond
+    assert found["QP ProxQP", "humanoid_40"].arrays == 0
+    assert max(row.beyond for row in rows if row.label == "QP ProxQP") < 8 * 38 * 38
 
 
 @pytest.mark.parametrize(

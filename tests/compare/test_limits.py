@@ -71,7 +71,7 @@ def test_task_errors_are_rms_peak_and_end(hard: LimitCase) -> None:
     assert (tool.name, tool.unit) == ("tool", "m")
     assert (tool.peak, tool.end) == pytest.approx((4.0, 4.0), rel=1e-14)
     assert tool.rms == pytest.approx(math.sqrt((1 + 4 + 9 + 16) / 4))
-    assert (posture.rms, posture.peak, posture.end) == (0.0, 0.0, 0.0)
+    assert (posture.rms, posture.peak, posture.end) == pytest.approx((0.0, 0.0, 0.0), abs=1e-15)
     assert of(hard, "lazy").errors[1].rms == 1.0
 
 

@@ -42,5 +42,7 @@ def test_no_bare_tolerance_in_native_code(path: Path) -> None:
         return
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         code = line.partition("//")[0]
-        found = [m.group() for m in SMALL.finditer(code) if int(m.group(1)) < 60]  # beyond: where squares would underflow
+        found = [
+            m.group() for m in SMALL.finditer(code) if int(m.group(1)) < 60
+        ]  # beyond: where squares would underflow
         assert not found, f"{path.name}:{number}: {line.strip()}"

@@ -1,4 +1,4 @@
-"""The equations in the solvers' files, as the paper prints them, against the native forms and the exact truth on regular problems."""
+"""The equations in the solvers' files, as the paper prints them, against the native forms and the exact truth."""
 
 from __future__ import annotations
 

@@ -56,7 +56,9 @@ def test_after_a_step_at_a_singularity_the_next_one_is_as_from_nothing() -> None
         eps = 10.0 ** rng.uniform(-11, -8)
         B = rng.standard_normal((3, 3)) @ A + eps * rng.standard_normal((3, 7))
         box = Level(np.eye(7), -1e12, 1e12)
-        solver.solve(Problem([Level.equality(A, rng.standard_normal(3)), Level.equality(B, rng.standard_normal(3))], hard=box))
+        solver.solve(
+            Problem([Level.equality(A, rng.standard_normal(3)), Level.equality(B, rng.standard_normal(3))], hard=box)
+        )
         harmless = [Level.equality(rng.standard_normal((3, 7)), rng.standard_normal(3)) for _ in range(2)]
         problem = Problem(harmless, hard=box)
         warm, cold = solver.solve(problem), dataclasses.replace(solver).solve(problem)
