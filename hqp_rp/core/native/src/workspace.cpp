@@ -17,13 +17,18 @@ void* Workspace::take_elsewhere(std::size_t bytes) {
       return blocks_[current_].data;
     }
   }
-  std::size_t total = 0;
-  for (int i = 0; i < count_; ++i) total += blocks_[i].size;
-  const std::size_t size = std::max({2 * bytes, 2 * total, smallest_block});
-  blocks_[count_] = {static_cast<unsigned char*>(::operator new(size, line)), size};
-  current_ = count_++;
+  allocate(2 * bytes);
+  current_ = count_ - 1;
   used_ = bytes;
   return blocks_[current_].data;
+}
+
+void Workspace::allocate(std::size_t bytes) {
+  std::size_t total = 0;
+  for (int i = 0; i < count_; ++i) total += blocks_[i].size;
+  const std::size_t size = std::max({(bytes + 63) / 64 * 64, 2 * total, smallest_block});
+  blocks_[count_] = {static_cast<unsigned char*>(::operator new(size, line)), size};
+  ++count_;
 }
 
 Workspace::~Workspace() {

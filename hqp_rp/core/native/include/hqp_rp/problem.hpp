@@ -2,6 +2,7 @@
 // important first, and hard rows that no answer may violate.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace hqp {
@@ -21,6 +22,12 @@ struct Problem {
   const double* hard_upper = nullptr;
   int hard_rows = 0;
 };
+
+// Bytes that hold so many matrices of a problem's size, vectors beside each: what kernels reserve before they begin.
+inline std::size_t room(const Problem& problem, int matrices) {
+  const std::size_t n = static_cast<std::size_t>(problem.unknowns) + 8, rows = n + problem.rows + problem.hard_rows;
+  return sizeof(double) * matrices * (rows * (n + 24) + 16 * static_cast<std::size_t>(problem.levels) + 64);
+}
 
 // N problems of equalities of one shape, and where their answers go.
 struct Batch {

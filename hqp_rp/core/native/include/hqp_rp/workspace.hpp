@@ -18,6 +18,13 @@ class Workspace {
   double* numbers(std::size_t count) { return static_cast<double*>(take(count * sizeof(double))); }
   int* counts(std::size_t count) { return static_cast<int*>(take(count * sizeof(int))); }
 
+  // Makes sure that so many bytes can be taken from here on without another block; kernels ask for the most that a problem of
+  // their size can need, so that a singular problem in a loop allocates no more than the regular ones before it.
+  void reserve(std::size_t bytes) {
+    if (current_ < 0 ? count_ == 0 || blocks_[count_ - 1].size < bytes : blocks_[current_].size - used_ < bytes && !room_after(bytes))
+      allocate(bytes);
+  }
+
   // How many blocks have been allocated so far: a loop over problems of one size must not change it.
   int allocations() const { return count_; }
 
@@ -52,6 +59,8 @@ class Workspace {
     return found;
   }
   void* take_elsewhere(std::size_t bytes);
+  void allocate(std::size_t bytes);
+  bool room_after(std::size_t bytes) const { return current_ < count_ - 1 && blocks_[count_ - 1].size >= bytes; }
 
   Block blocks_[48] = {};  // each larger than all before it together
   int count_ = 0;

@@ -6,6 +6,7 @@ namespace hqp {
 inline namespace HQP_ISA {
 
 Outcome call_active_set(ActiveSetCall& call, Workspace& workspace) {
+  workspace.reserve(room(*call.problem, 8));
   return with_width(call.problem->unknowns, [&](auto width) {
     Workspace::Scope scope(workspace);
     ActiveSetSearch search(*call.problem, call.rank_tolerance, call.limit, workspace, width);

@@ -7,6 +7,7 @@ inline namespace HQP_ISA {
 
 bool call_proven_optimal(const Problem& problem, const double* x, const double* zeta, double accept, double rank_tolerance,
                          Workspace& workspace) {
+  workspace.reserve(room(problem, 8));
   Workspace::Scope scope(workspace);
   return Proof(problem, workspace).accepts(x, zeta, accept, rank_tolerance);
 }

@@ -5,7 +5,10 @@
 namespace hqp {
 inline namespace HQP_ISA {
 
-bool call_saturation(SaturationCall& call, Workspace& workspace) { return saturation_null_space(call, workspace); }
+bool call_saturation(SaturationCall& call, Workspace& workspace) {
+  workspace.reserve(room(*call.problem, 10));
+  return saturation_null_space(call, workspace);
+}
 
 }  // namespace HQP_ISA
 }  // namespace hqp
