@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.extras import require
+from hqp_rp.core.level_damping import solve_damped
 from hqp_rp.core.problem import FloatArray, Problem, Stacked
 from hqp_rp.core.qp_backend import check_positive
 from hqp_rp.core.solution import Solution, Status
@@ -129,6 +130,7 @@ class Daqp(Solver):
     source: ClassVar[str] = "Arnström, Bemporad and Axehill 2022"
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
+    takes_damping: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("accept", "rho", "primal_tol"):
@@ -154,6 +156,8 @@ class Daqp(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
+        if problem.damping is not None:
+            return solve_damped(problem, secondary, self.solve)
         solution = self._solve(problem, secondary)
         if solution.status is Status.INACCURATE and self.second_try:
             rho, tol = (self.rho / 100.0, 1.0) if solution.x is not None else (self.rho * 10.0, 10.0)

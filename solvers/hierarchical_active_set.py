@@ -31,14 +31,15 @@ class HierarchicalActiveSet(Solver):
     takes over: the step goes as far as the first row allows, one row leaves at a time, and after a step of length zero has
     repeated Bland's rule chooses, so that it cannot cycle. Whichever way, the same conditions of optimality end the search,
     from a fresh factorization. Rows that a finished level determines leave for good; satisfied rows are kept as rows.
-    A level whose rows that count can all be met is met by one factorization, without multipliers. Near a singularity, where
+    A level whose rows that count can all be met is met by one factorization, without multipliers. A level with damping
+    (`hqp_rp.core.level_damping`) is searched with its damping rows, then its own rows keep what they reached. Near a singularity, where
     multipliers close to rounding error decide, and where hard rows contradict each other by next to nothing, the answer is
     verified before it is called solved; where that fails it is `INACCURATE`.
 
     Args:
         rank_tolerance: the library's rank rule, in [0, 1).
         max_iterations: working sets factored (`Solution.iterations` counts them) before `Status.ITERATION_LIMIT`; None means
-            200 + 10 per row.
+            200 + 10 per row, of problems with damping 200 + 20 per row and 10 per unknown and level.
         warm_start: start from the last answer to a problem with the same rows at each level and its active rows, as long as
             that is worth it. An answer does not depend on what came before: a search that came from afar, or near a
             singularity, where rounding decides which rows are active, is done once more from nothing.
@@ -61,6 +62,7 @@ class HierarchicalActiveSet(Solver):
     source: ClassVar[str] = "Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015"
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
+    takes_damping: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
@@ -112,7 +114,8 @@ class HierarchicalActiveSet(Solver):
             least = x if self.least_violation else None
             return Solution(problem, least, status, iterations, message, secondary)
         if status is Status.ITERATION_LIMIT:
-            limit = 200 + 10 * len(side) if self.max_iterations is None else self.max_iterations
+            searched = len(side) if problem.damping is None else 2 * len(side) + problem.n * problem.p
+            limit = 200 + 10 * searched if self.max_iterations is None else self.max_iterations
             message = f"No optimal working set in {limit} iterations; raise max_iterations."
             return Solution(problem, None, status, iterations, message, secondary)
         return Solution(problem, None, Status.NOT_FINITE, iterations, _OVERFLOW, secondary)

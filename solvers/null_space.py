@@ -12,7 +12,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm
 from hqp_rp.core.damping import NoDamping
 from hqp_rp.core.errors import unknown_name
-from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 from hqp_rp.core.stacked import load, pinv, pinv_times
@@ -56,11 +56,21 @@ class NullSpace(ClosedForm):
     summary: ClassVar[str] = "each level in the null space of the ones before it"
     source: ClassVar[str] = "paper (9)-(11); Siciliano and Slotine 1991"
     exact_levels: ClassVar[int] = 1_000_000
+    takes_damping: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.variant not in VARIANTS:
             raise unknown_name("variant of null_space", self.variant, VARIANTS)
+
+    def refuses(self, problem: Problem) -> str | None:
+        """Hard and two-sided rows, and damping of single levels beside a damping of all."""
+        if problem.damping is not None and not isinstance(self.damping, NoDamping):
+            return (
+                f"null_space has damping {self.damping!r} for all levels and the problem has its own for single ones; give one "
+                "or the other."
+            )
+        return super().refuses(problem)
 
     def native(self) -> _native.ClosedForm | None:
         if self.variant != "basis":

@@ -6,6 +6,7 @@ import dataclasses
 from typing import ClassVar
 
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.level_damping import solve_damped
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
 from hqp_rp.core.qp_workspace import Workspace
@@ -58,6 +59,7 @@ class QpCascade(Solver):
     source: ClassVar[str] = "Kanoun, Lamiraux and Wieber 2011; Escande, Mansard and Wieber 2014"
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
+    takes_damping: ClassVar[bool] = True
 
     backend: str = "proxqp"
     eps_abs: float = 1e-9
@@ -86,6 +88,8 @@ class QpCascade(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
+        if problem.damping is not None:
+            return solve_damped(problem, checked_secondary(secondary, problem.n), self.solve)
         workspace = self._workspace
         stages = workspace.stages(problem)
         warm = stages.used

@@ -11,6 +11,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm
 from hqp_rp.core.damping import ConstantDamping, NoDamping
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.level_damping import damped_targets
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.stacked import load
@@ -39,6 +40,8 @@ class ReversePriorityUnilateral(ClosedForm):
     From the source: hard rows as the top level, executed last, only the active ones. Ours: the search for the active set,
     an exact active-set method with multipliers, in which rows in conflict end in `Status.INFEASIBLE` with their numbers.
 
+    A level with damping of its own asks for what null-space priority would reach with that damping and no hard rows.
+
     One level, undamped, gives the lexicographic optimum; more levels share what the hard rows leave instead of ranking it.
     Two-sided levels are refused.
 
@@ -55,6 +58,7 @@ class ReversePriorityUnilateral(ClosedForm):
     summary: ClassVar[str] = "reverse priority, then the active hard rows with the least disturbance of all levels"
     source: ClassVar[str] = "Flacco and De Luca 2015; paper (23)-(29)"
     takes_hard: ClassVar[bool] = True
+    takes_damping: ClassVar[bool] = True
     exact_levels: ClassVar[int] = 2
 
     def __post_init__(self) -> None:
@@ -77,6 +81,11 @@ class ReversePriorityUnilateral(ClosedForm):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The answer with the least disturbance of the levels; see `Solver.solve`."""
+        if problem.damping is not None and self.refuses(problem) is None:
+            solve = _native.null_space(self.rank_tolerance, 0, 0.0, 0.0).solve
+            found = self.solve(damped_targets(problem, solve), secondary)
+            found.problem = problem
+            return found
         hard = problem.hard
         if hard is None or not hard.m:
             solution = super().solve(problem, secondary)

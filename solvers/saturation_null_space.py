@@ -9,6 +9,7 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.level_damping import damped_targets
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
@@ -67,6 +68,9 @@ class SaturationNullSpace(Solver):
         rank_tolerance: a singular value of A_k restricted to the remaining null space counts as zero when it is
             <= rank_tolerance * ||A_k||_2; in [0, 1).
 
+    A level with damping asks for what null-space priority would reach with that damping and no bounds; saturation and scaling
+    begin from there.
+
     Returns a `ScaledSolution`; `iterations` is the number of saturations tried and releases. Hard rows with more than one
     unknown and two-sided levels are refused. Where "optimal" runs out of iterations (20 for each unknown and level), the
     status is `INACCURATE`: that level and those below it are the basic algorithm's. It is so too where a level is off
@@ -83,6 +87,7 @@ class SaturationNullSpace(Solver):
     summary: ClassVar[str] = "null-space priority that saturates unknowns at hard bounds, then scales the task"
     source: ClassVar[str] = "Flacco, De Luca and Khatib 2012, 2015"
     takes_hard: ClassVar[bool] = True
+    takes_damping: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:
@@ -113,6 +118,8 @@ class SaturationNullSpace(Solver):
                 return refusal
         if secondary is not None:
             secondary = checked_secondary(secondary, problem.n)
+        if problem.damping is not None:
+            return self._damped(problem, secondary)
         found: Any = _native.saturation_null_space(problem, secondary, self.rank_tolerance, self.variant == "optimal")
         if len(found) == 2:
             first, second = found
@@ -138,3 +145,9 @@ class SaturationNullSpace(Solver):
         solution.scales = scales
         solution.held = SATURATED
         return solution
+
+    def _damped(self, problem: Problem, secondary: FloatArray | None) -> Solution:
+        solve = _native.null_space(self.rank_tolerance, 0, 0.0, 0.0).solve
+        found = self.solve(damped_targets(problem, solve), secondary)
+        found.problem = problem
+        return found

@@ -25,12 +25,13 @@ class Weighted(Solver):
 
     ::
 
-        min_x  sum_k w_k ||v_k(x)||^2 + damping ||x - secondary||^2    subject to the hard rows
+        min_x  sum_k w_k (||v_k(x)||^2 + ||D_k x||^2) + damping ||x - secondary||^2    subject to the hard rows
 
-    with v_k the violation of level k (`A_k x - b_k` for equalities). Equalities alone are solved by an orthogonal
-    factorization of the stacked rows `sqrt(w_k) A_k`, `sqrt(damping) I`, never by squaring them, so that what separates
-    this baseline from the others is the method and not its arithmetic. Two-sided and hard rows go through a QP back end,
-    with slack for the rows of the levels. Not lexicographic: at any finite weight lower levels disturb higher ones.
+    with v_k the violation of level k (`A_k x - b_k` for equalities) and D_k its damping, if it has one. Equalities alone are
+    solved by an orthogonal factorization of the stacked rows `sqrt(w_k) A_k`, `sqrt(damping) I`, never by squaring them, so
+    that what separates this baseline from the others is the method and not its arithmetic. Two-sided and hard rows go through
+    a QP back end, with slack for the rows of the levels. Not lexicographic: at any finite weight lower levels disturb higher
+    ones.
 
     Settings:
         ratio: weight of level k is `ratio**(k - 1)`, k = 1 ... p. mink's and pink's `cost` multiplies the rows, so it is
@@ -52,6 +53,7 @@ class Weighted(Solver):
     source: ClassVar[str] = "mink.solve_ik and pink.solve_ik; Golub and Van Loan 2013, section 6.1"
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
+    takes_damping: ClassVar[bool] = True
 
     ratio: float = 1e-4
     weights: tuple[float, ...] | None = None
@@ -118,6 +120,10 @@ class Weighted(Solver):
             costs = np.sqrt(self.weights)
         row_costs = np.repeat(costs, counts)
         A, lower, upper = row_costs[:, None] * problem.matrix, row_costs * problem.lower, row_costs * problem.upper
+        if problem.damping is not None:
+            D, offsets = problem.damping_rows
+            A = np.concatenate([A, np.repeat(costs, np.diff(offsets))[:, None] * D])
+            lower, upper = (np.concatenate([bound, np.zeros(len(D))]) for bound in (lower, upper))
         if self.damping > 0.0:
             root = math.sqrt(self.damping)
             A = np.concatenate([A, root * np.eye(problem.n)])

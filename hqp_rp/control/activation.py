@@ -125,5 +125,12 @@ def _without(problem: Problem, present: np.ndarray[tuple[int], np.dtype[np.bool_
     upper = lower if problem.is_equality else np.ascontiguousarray(problem.upper[present])
     matrix = np.ascontiguousarray(problem.matrix[present])
     return Problem.from_stacked(
-        matrix, lower, upper, offsets.astype(np.int64), names=problem.names, hard=problem.hard, check=False
+        matrix,
+        lower,
+        upper,
+        offsets.astype(np.int64),
+        names=problem.names,
+        hard=problem.hard,
+        damping=problem.damping,
+        check=False,
     )

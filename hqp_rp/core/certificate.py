@@ -15,18 +15,24 @@ from hqp_rp.core.diagnostics import (
     checked_point,
     norm,
     normalised,
+    remaining,
     require_tolerance,
     rounding_at_zero,
+    row_norms,
     times_power,
     two_norm,
 )
+from hqp_rp.core.level_damping import damped_level
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, SHORT_NORMAL, STEP_COST
+from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, NEAR_ZERO, NEARLY_FREE, SHORT_NORMAL, STANDSTILL, STEP_COST
 
 TOLERANCE = CERTIFIED
 """Default of `certify`: what a relative excess may be; also how near to its bound a row counts as active."""
+
+PROXIMAL_STEPS = 3
+"""How often a search over directions that are not damped goes on from where it came to."""
 
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -120,6 +126,10 @@ def certify(
     of the bounds that determine it (shorter than 1e-12 of them), that rounding error counts as such for rows and for x itself.
     A normal so short in the free directions (1e-9) that it may hold or not is counted as either.
 
+    A level with damping is judged as the level that it is, `[A_k; D_k]` (see `hqp_rp.core.level_damping`), at the point where
+    it was solved: of all points that earlier levels and hard rows allow and at which its rows have the violation that they
+    have at x, the one with the least `||D_k x||`. Later levels then find its rows where x has them.
+
     Args:
         problem: the problem that x answers.
         x: (n,) finite.
@@ -139,7 +149,7 @@ def certify(
     require_tolerance("rank_tolerance", rank_tolerance)
     judge = _Judge(point, max(tolerance, TOLERANCE), rank_tolerance, rounding_at_zero(problem, point))
     hard_violation, relative_hard = judge.hard(problem.hard)
-    levels = tuple(judge.level(level) for level in problem.levels)
+    levels = tuple(judge.level(level, damped_level(problem, k)) for k, level in enumerate(problem.levels))
     deviation, relative_deviation, uncertainty = judge.deviation(goal)
 
     fault, sentence = None, f"Optimal at every level to a relative {tolerance:.1e}."
@@ -185,6 +195,7 @@ class _Judge:
         self.rank_tolerance = rank_tolerance
         self.Z = np.eye(len(x))
         self.H = np.zeros((0, len(x)))  # outward unit normals of active inequality rows
+        self.kept: list[Level] = []  # inequality rows that bind
         self.drift = 8 * _EPS  # sine of the angle by which rounding may have turned range(Z)
 
     def hard(self, hard: Level | None) -> tuple[float, float]:
@@ -195,11 +206,13 @@ class _Judge:
         error = np.abs(rows.violation)
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = np.where(error > rows.noise, error / rows.reach, 0.0)
-        self._bind(rows, rows.equality)
+        self._bind(rows, rows.equality, hard)
         return times_power(float(error.max()), rows.exponent), float(relative.max())
 
-    def level(self, level: Level) -> LevelCertificate:
-        """Judge a level; it then binds the ones after it."""
+    def level(self, level: Level, damped: Level | None = None) -> LevelCertificate:
+        """Judge a level, as `damped` where it is damped; it then binds the ones after it."""
+        if damped is not None:
+            return self._damped(level, damped)
         if level.m == 0:
             return LevelCertificate(level.name, 0.0, 0.0, 0.0, 0.0, 0)
         rows = _Rows(level, self)
@@ -210,7 +223,7 @@ class _Judge:
             rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, self.rank_tolerance, self.drift
         )
         uncertainty = turned + 4 * _EPS * (len(self.x) + level.m) * scale + rows.size * self.rounding
-        self._bind(rows, rows.equality | rows.violated)
+        self._bind(rows, rows.equality | rows.violated, level)
         residual, excess, scale, uncertainty = (
             times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)
         )
@@ -225,7 +238,58 @@ class _Judge:
         excess, turned, _ = _removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)
         return excess, excess / size, (turned + self.rounding * len(gap)) / size + 8 * _EPS * len(gap)
 
-    def _bind(self, rows: _Rows, fixed: NDArray[np.bool_]) -> None:
+    def _damped(self, level: Level, damped: Level) -> LevelCertificate:
+        """The damped level where it was solved; the level itself then binds at x."""
+        rows = _Rows(level, self)
+        fixed = rows.equality | rows.violated
+        x = self._solved_at(level, damped, fixed)
+        rounding = 8 * _EPS * self.size if norm(x) <= NEAR_ZERO * self.size else 0.0
+        there = _Judge(x, self.active_tolerance, self.rank_tolerance, max(self.rounding, rounding))
+        there.Z, there.drift = self.Z, self.drift
+        for before in self.kept:
+            other = _Rows(before, there)
+            if other.active.any():
+                there.H = np.vstack([there.H, other.normals[other.active]])
+        found = there.level(damped)
+        before_Z = self.Z
+        self._bind(rows, fixed, level)
+        rounding = 4 * _EPS * (len(self.x) + level.m) * rows.size * self.size  # of the violation, which is that at x
+        residual, rounding = (times_power(value, rows.exponent) for value in (norm(rows.violation), rounding))
+        # It moves the point where the level was solved along directions that its rows hardly see, and D with it.
+        if fixed.any() and before_Z.shape[1]:
+            sigma = np.linalg.svd(level.A[fixed] @ before_Z, compute_uv=False)
+            least = sigma[sigma > self.rank_tolerance * two_norm(level.A)].min(initial=np.inf)
+            rounding *= 1.0 + two_norm(damped.A[level.m :]) / float(least)
+        return dataclasses.replace(found, residual=residual, uncertainty=found.uncertainty + rounding)
+
+    def _solved_at(self, level: Level, damped: Level, fixed: NDArray[np.bool_]) -> FloatArray:
+        """Of the points that all levels so far allow, this one's fixed rows where they are at x, the one of least ||D x||."""
+        Z = self.Z
+        if fixed.any() and Z.shape[1]:
+            Z = remaining(level.A[fixed], Z, self.rank_tolerance)[1]
+        if not Z.shape[1]:
+            return self.x
+        free = level.A[~fixed], level.lower[~fixed], level.upper[~fixed]
+        rows = [free, *((before.A, before.lower, before.upper) for before in self.kept)]
+        A, lower, upper = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+        lengths = row_norms(A)
+        G, h = np.concatenate((A, -A)), np.concatenate((upper, -lower))
+        lengths = np.concatenate((lengths, lengths))
+        bounded = (lengths > 0.0) & np.isfinite(h)
+        G, h = G[bounded] / lengths[bounded, None], h[bounded] / lengths[bounded]
+        D, x = damped.A[level.m :], self.x
+        undamped = remaining(D, Z, self.rank_tolerance)[1]
+        if not undamped.shape[1]:
+            return _nearest_point(x, Z, G, h, D @ Z, D @ x)
+        # A move costs a little too, and the search goes on from where it came to, which leaves no bias; then least norm.
+        B = np.concatenate((D @ Z, NEARLY_FREE * two_norm(D) * np.eye(Z.shape[1])))
+        for _ in range(PROXIMAL_STEPS):
+            x = _nearest_point(x, Z, G, h, B, np.concatenate((D @ x, np.zeros(Z.shape[1]))))
+        return _nearest_point(x, undamped, G, h, np.eye(undamped.shape[1]), undamped.T @ x)
+
+    def _bind(self, rows: _Rows, fixed: NDArray[np.bool_], level: Level) -> None:
+        if not fixed.all():
+            self.kept.append(Level(level.A[~fixed], level.lower[~fixed], level.upper[~fixed], level.name))
         held = rows.A[fixed]
         if len(held) and self.Z.shape[1]:
             sigma, Vt = np.linalg.svd(held @ self.Z)[1:]
@@ -265,6 +329,53 @@ class _Rows:
         self.active = (above | below) & (lengths > 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             self.normals = np.where(above, 1.0, -1.0)[:, None] * self.A / lengths[:, None]
+
+
+def _nearest_point(
+    x: FloatArray, Z: FloatArray, G: FloatArray, h: FloatArray, B: FloatArray, c: FloatArray
+) -> FloatArray:
+    """The x + Z y that minimizes ||B y + c|| subject to G (x + Z y) <= h, rows of G (k, n) of length one, x allowed."""
+    rows = G @ Z
+    lengths = row_norms(rows)
+    free = lengths > SHORT_NORMAL
+    room = np.maximum(h[free] - G[free] @ x, 0.0) / lengths[free]
+    return x + Z @ _nearest(B, c, rows[free] / lengths[free, None], room)
+
+
+def _nearest(B: FloatArray, c: FloatArray, G: FloatArray, h: FloatArray) -> FloatArray:
+    """The y (d,) that minimizes ||B y + c|| subject to G y <= h, h >= 0, rows of G of length one; B (r, d) of full column rank.
+
+    A primal active-set search from y = 0, which is allowed. It leaves the row of the smallest number once it has stood still
+    for d steps (Bland's rule). Source: Nocedal and Wright 2006, algorithm 16.3.
+    """
+    y, held, idle = np.zeros(B.shape[1]), np.zeros(len(G), dtype=bool), 0
+    for _ in range(50 + 10 * len(G)):
+        N = np.linalg.qr(G[held].T, mode="complete")[0][:, int(held.sum()) :] if held.any() else np.eye(len(y))
+        slope = B @ y + c
+        step = -N @ np.linalg.lstsq(B @ N, slope, rcond=None)[0] if N.shape[1] else np.zeros(len(y))
+        length = norm(step)
+        if length > STANDSTILL * (norm(y) + norm(c) / two_norm(B)):
+            change = G @ step
+            blocks = ~held & (change > MULTIPLIER * length)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                parts = np.where(blocks, np.maximum(h - G @ y, 0.0) / change, np.inf)
+            first = int(parts.argmin()) if len(parts) else -1
+            part = min(1.0, float(parts[first])) if first >= 0 else 1.0
+            y = y + part * step
+            idle = 0 if part > 0.0 else idle + 1
+            if part < 1.0:
+                held[first] = True
+                continue
+            slope = B @ y + c
+        which = np.flatnonzero(held)
+        if not len(which):
+            return y
+        multipliers = np.linalg.lstsq(G[which].T, -(B.T @ slope), rcond=None)[0]
+        wrong = which[multipliers < -MULTIPLIER * max(float(np.abs(multipliers).max()), _EPS)]
+        if not len(wrong):
+            return y
+        held[wrong[0] if idle > len(y) else which[multipliers.argmin()]] = False
+    return y
 
 
 def _removable(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hqp_rp.core import _native
 from hqp_rp.core.damping import Damping, NoDamping, checked_damping
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.level_damping import solve_damped
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
@@ -98,7 +99,12 @@ class ClosedForm(Solver):
         native = self._native_solver
         solution = None if native is None else native.solve(problem, secondary)
         if solution is None:
-            return self._refusal(problem) or self._in_numpy(problem, secondary)
+            refusal = self._refusal(problem)
+            if refusal is not None:
+                return refusal
+            if problem.damping is not None:
+                return solve_damped(problem, secondary, self.solve)
+            return self._in_numpy(problem, secondary)
         if solution.x is None:
             solution.message = _OVERFLOW
         found: Solution = solution

@@ -1,4 +1,4 @@
-"""Damping policies, shared by every closed form: what replaces 1/sigma when singular values become small."""
+"""Damping policies: what replaces 1/sigma when singular values become small, in a closed form or at one level of a problem."""
 
 from __future__ import annotations
 
@@ -96,17 +96,72 @@ class Truncation:
         return f"truncation({self.threshold:g})"
 
 
+@dataclasses.dataclass(frozen=True)
+class ErrorDamping:
+    """mu = factor * |e|^2 for a level of which x = 0 misses its rows by e: strong far from the target, none at it.
+
+    A damping of one level (`Level(damping=...)`), not of a closed form, whose inverses know no error.
+
+    Args:
+        factor: c >= 0, in the units of the rows' matrix squared over the units of its bounds squared.
+
+    Source: Sugihara 2011, (21); the `lm_damping` of mink's and pink's tasks.
+    """
+
+    factor: float
+    kind: ClassVar[int] = 4
+
+    def __post_init__(self) -> None:
+        _require("factor", self.factor, 0.0)
+
+    @property
+    def parameters(self) -> tuple[float, float]:
+        return (float(self.factor), 0.0)
+
+    def __repr__(self) -> str:
+        return f"error({self.factor:g})"
+
+
 Damping: TypeAlias = NoDamping | ConstantDamping | VariableDamping | Truncation
+"""Of a closed form."""
+
+LevelDamping: TypeAlias = NoDamping | ConstantDamping | VariableDamping | Truncation | ErrorDamping
+"""Of one level of a problem; see `hqp_rp.core.level_damping`."""
+
+_KINDS: tuple[type[LevelDamping], ...] = (NoDamping, ConstantDamping, VariableDamping, Truncation, ErrorDamping)
 
 
 def checked_damping(damping: object) -> Damping:
     """`damping` itself; raises `SettingError` when it is no damping policy."""
     if isinstance(damping, NoDamping | ConstantDamping | VariableDamping | Truncation):
         return damping
+    if isinstance(damping, ErrorDamping):
+        raise SettingError(f"damping is {damping!r}, which is of one level: Level(..., damping={damping!r}).")
     raise SettingError(
         f"damping is {damping!r}; give NoDamping(), ConstantDamping(factor), VariableDamping(delta, maximum) or "
         "Truncation(threshold)."
     )
+
+
+def checked_level_damping(damping: object, what: str = "damping") -> LevelDamping | None:
+    """`damping` itself, None for none; raises `SettingError` when it is no policy of a level."""
+    if damping is None or isinstance(damping, NoDamping):
+        return None
+    if isinstance(damping, ConstantDamping | VariableDamping | Truncation | ErrorDamping):
+        return damping
+    raise SettingError(
+        f"{what} is {damping!r}; give None, ConstantDamping(factor), ErrorDamping(factor), VariableDamping(delta, maximum) "
+        "or Truncation(threshold)."
+    )
+
+
+def damping_of(kind: int, parameters: tuple[float, float]) -> LevelDamping | None:
+    """The policy of this kind with these parameters, None for kind 0: the inverse of `kind` and `parameters`."""
+    if kind not in range(len(_KINDS)):
+        raise SettingError(f"damping of kind {kind!r}; kinds are 0 ... {len(_KINDS) - 1}.")
+    made = _KINDS[kind]
+    fields = dataclasses.fields(made)
+    return checked_level_damping(made(**{field.name: value for field, value in zip(fields, parameters, strict=False)}))
 
 
 def _require(name: str, value: float, least: float, *, strict: bool = False) -> None:

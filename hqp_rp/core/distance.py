@@ -63,7 +63,12 @@ def distance(
     if isinstance(reference, Truth):
         known = reference
     elif reference in ("auto", "truth"):
-        if reference == "auto" and problem.is_equality and (problem.hard is None or not problem.hard.m):
+        if (
+            reference == "auto"
+            and problem.is_equality
+            and problem.damping is None
+            and (problem.hard is None or not problem.hard.m)
+        ):
             answer, error = orthogonal_cascade(problem, goal, rank_tolerance)
             if error <= RESOLUTION:
                 return Distance(relative_distance(point, answer), "double precision", error, False)

@@ -13,11 +13,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from hqp_rp.core.damping import LevelDamping, NoDamping, damping_of
 from hqp_rp.core.errors import FileError, ProblemError, SettingError
 from hqp_rp.core.problem import Level, Problem
 
 FORMAT = "hqp_rp problem"
-VERSION = 1
+VERSION = 2
+"""1 had no damping; a problem without damping is still written as 1."""
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
@@ -26,7 +28,8 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
     """Write `problem` to `path` and return the path. The file appears whole or not at all.
 
     The .npz holds `format`, `version`, `matrix` (M, n), `lower`, `upper` (M,), `offsets` (p + 1,), `names` (p,), when
-    there are hard rows `hard_A`, `hard_lower`, `hard_upper`, `hard_name`, and `metadata`, a JSON object. Every float
+    there are hard rows `hard_A`, `hard_lower`, `hard_upper`, `hard_name`, where a level is damped `damping_kind` (p,) and
+    `damping_parameters` (p, 2), and `metadata`, a JSON object. Every float
     comes back to the last bit.
 
     Args:
@@ -41,7 +44,7 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
     target = pathlib.Path(path)
     arrays: dict[str, Any] = {
         "format": np.array(FORMAT),
-        "version": np.array(VERSION),
+        "version": np.array(1 if problem.damping is None else VERSION),
         "matrix": problem.matrix,
         "lower": problem.lower,
         "upper": problem.upper,
@@ -57,6 +60,10 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
             "hard_upper": hard.upper,
             "hard_name": np.array(hard.name),
         }
+    if problem.damping is not None:
+        policies = [policy or NoDamping() for policy in problem.damping]
+        arrays["damping_kind"] = np.array([policy.kind for policy in policies])
+        arrays["damping_parameters"] = np.array([policy.parameters for policy in policies])
     partial = target.with_name(f".{target.name}.{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
     try:
         with partial.open("xb") as file:
@@ -105,8 +112,13 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
     if str(arrays.get("format")) != FORMAT:
         raise FileError(f"{source}: not a problem file (it holds {', '.join(sorted(arrays)) or 'nothing'}).")
     version = arrays.get("version")
-    if version is None or version.shape != () or version.dtype.kind not in "iu" or int(version) != VERSION:
-        raise FileError(f"{source}: format version {version}; this release of hqp_rp reads version {VERSION}.")
+    if (
+        version is None
+        or version.shape != ()
+        or version.dtype.kind not in "iu"
+        or int(version) not in range(1, VERSION + 1)
+    ):
+        raise FileError(f"{source}: format version {version}; this release of hqp_rp reads versions 1 to {VERSION}.")
     try:
         hard = None
         if "hard_A" in arrays:
@@ -119,17 +131,25 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
             arrays["offsets"],
             names=[str(name) for name in np.atleast_1d(arrays["names"])],
             hard=hard,
+            damping=_damping(arrays),
         )
         metadata = json.loads(str(arrays["metadata"]))
     except KeyError as error:
         raise FileError(f"{source}: the array {error.args[0]!r} is missing.") from error
-    except ProblemError as error:
+    except (ProblemError, SettingError) as error:
         raise FileError(f"{source}: {error}") from error
     except ValueError as error:
         raise FileError(f"{source}: its metadata is not a JSON object ({error}).") from error
     if not isinstance(metadata, dict):
         raise FileError(f"{source}: its metadata is a {type(metadata).__name__}, not a JSON object.")
     return problem, metadata
+
+
+def _damping(arrays: dict[str, Any]) -> list[LevelDamping | None] | None:
+    if "damping_kind" not in arrays:
+        return None
+    kinds, parameters = arrays["damping_kind"].tolist(), arrays["damping_parameters"].tolist()
+    return [damping_of(kind, tuple(pair)) for kind, pair in zip(kinds, parameters, strict=True)]
 
 
 def _encoded(metadata: dict[str, Any]) -> str:

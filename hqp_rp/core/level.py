@@ -10,6 +10,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hqp_rp.core.damping import LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -25,21 +26,33 @@ class Level:
         lower: (m,) lower bounds, or a number for all rows; -inf means none.
         upper: (m,) upper bounds, or a number for all rows; +inf means none.
         name: what reports and errors call the level.
+        damping: None, or a policy: the level then minimizes its violation and what the policy adds, in the freedom that the
+            levels before it leave, and the levels after it keep what its rows reached; see `hqp_rp.core.level_damping`.
 
     A row whose two bounds coincide is an equality `A x = b`. Arrays are copied and read-only.
 
     Raises:
         ProblemError: wrong shapes, NaN, infinite entries of A, or lower > upper; it names the level and the entry.
+        SettingError: a damping that is none.
     """
 
-    __slots__ = ("A", "lower", "name", "upper")
+    __slots__ = ("A", "damping", "lower", "name", "upper")
 
     A: FloatArray
     lower: FloatArray
     upper: FloatArray
     name: str
+    damping: LevelDamping | None
 
-    def __init__(self, A: ArrayLike, lower: ArrayLike, upper: ArrayLike, name: str = "") -> None:
+    def __init__(
+        self,
+        A: ArrayLike,
+        lower: ArrayLike,
+        upper: ArrayLike,
+        name: str = "",
+        *,
+        damping: LevelDamping | None = None,
+    ) -> None:
         label = f"level {name!r}" if name else "a level"
         matrix = _real_array(A, f"{label}: A", copy=True)
         if matrix.ndim != 2:
@@ -49,18 +62,19 @@ class Level:
             )
         _require_finite(matrix, f"{label}: A")
         object.__setattr__(self, "name", str(name))
+        object.__setattr__(self, "damping", checked_level_damping(damping, f"{label}: damping"))
         object.__setattr__(self, "A", frozen(matrix))
         object.__setattr__(self, "lower", frozen(_bound(lower, len(matrix), f"{label}: lower")))
         object.__setattr__(self, "upper", frozen(_bound(upper, len(matrix), f"{label}: upper")))
         _check_bounds(self.lower, self.upper, label)
 
     @classmethod
-    def equality(cls, A: ArrayLike, b: ArrayLike, name: str = "") -> Level:
+    def equality(cls, A: ArrayLike, b: ArrayLike, name: str = "", *, damping: LevelDamping | None = None) -> Level:
         """The level `A x = b`: A (m, n), b (m,), both finite. Raises `ProblemError` as `Level` does."""
         label = f"level {name!r}" if name else "a level"
         rhs = _real_array(b, f"{label}: b", copy=True)
         _require_finite(rhs, f"{label}: b")
-        return cls(A, rhs, rhs, name)
+        return cls(A, rhs, rhs, name, damping=damping)
 
     @property
     def m(self) -> int:
@@ -81,18 +95,25 @@ class Level:
         raise AttributeError(f"A Level is read-only: build a new one instead of setting {name!r}.")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (Level, (self.A, self.lower, self.upper, self.name))
+        return (_rebuild, (self.A, self.lower, self.upper, self.name, self.damping))
 
     def __repr__(self) -> str:
         kind = "equality" if self.is_equality else "two-sided"
-        return f"Level({self.name!r}, {self.m} x {self.n}, {kind})"
+        damped = "" if self.damping is None else f", damping {self.damping!r}"
+        return f"Level({self.name!r}, {self.m} x {self.n}, {kind}{damped})"
 
     @classmethod
-    def _view(cls, A: FloatArray, lower: FloatArray, upper: FloatArray, name: str) -> Level:
+    def _view(
+        cls, A: FloatArray, lower: FloatArray, upper: FloatArray, name: str, damping: LevelDamping | None = None
+    ) -> Level:
         level = object.__new__(cls)
-        for key, value in (("A", A), ("lower", lower), ("upper", upper), ("name", name)):
+        for key, value in (("A", A), ("lower", lower), ("upper", upper), ("name", name), ("damping", damping)):
             object.__setattr__(level, key, value)
         return level
+
+
+def _rebuild(A: FloatArray, lower: FloatArray, upper: FloatArray, name: str, damping: LevelDamping | None) -> Level:
+    return Level(A, lower, upper, name, damping=damping)
 
 
 def _real_array(value: ArrayLike, what: str, *, copy: bool) -> FloatArray:
@@ -145,7 +166,12 @@ def frozen(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
 
 
 def split_levels(
-    matrix: ArrayLike, lower: ArrayLike, upper: ArrayLike, offsets: ArrayLike, names: Sequence[str] | None
+    matrix: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    offsets: ArrayLike,
+    names: Sequence[str] | None,
+    damping: Sequence[LevelDamping | None] | None = None,
 ) -> list[Level]:
     matrix, lower, upper = np.asarray(matrix), np.asarray(lower), np.asarray(upper)
     offsets = np.asarray(offsets)
@@ -166,8 +192,14 @@ def split_levels(
     if names is not None and len(names) != p:
         raise ProblemError(f"{len(names)} names for {p} levels: give one name for each level, or none.")
     labels = list(names) if names is not None else [""] * p
+    if damping is not None and len(damping) != p:
+        raise ProblemError(
+            f"{len(damping)} policies of damping for {p} levels: give one or None for each level, or None."
+        )
+    policies = [None] * p if damping is None else list(damping)
     return [
-        Level(matrix[a:b], lower[a:b], upper[a:b], labels[k]) for k, (a, b) in enumerate(itertools.pairwise(offsets))
+        Level(matrix[a:b], lower[a:b], upper[a:b], labels[k], damping=policies[k])
+        for k, (a, b) in enumerate(itertools.pairwise(offsets))
     ]
 
 
@@ -194,6 +226,10 @@ def checked_levels(levels: Sequence[Level], hard: Level | None) -> list[Level]:
                 "every level must have one column for each unknown."
             )
     if hard is not None:
+        if isinstance(hard, Level) and hard.damping is not None:
+            raise ProblemError(
+                f"The hard rows have damping {hard.damping!r}; hard rows are met or not, so give a level damping."
+            )
         if not isinstance(hard, Level):
             raise ProblemError(f"hard is a {type(hard).__name__}: build it with Level(A, lower, upper).")
         if hard.n != n:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.arrays import require_arrays
+from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.level import FloatArray, IntArray, Level, checked_levels, frozen, split_levels
 
 __all__ = ["FloatArray", "IntArray", "Level", "Problem", "Stacked"]
@@ -36,7 +37,9 @@ class Problem(_native.Problem):
         subject to  hard.lower <= hard.A x <= hard.upper
 
     where `v_k(x)` is the violation of `lower_k <= A_k x <= upper_k` (for an equality, `A_k x - b_k`). The last term
-    makes the answer unique: among all lexicographic optima, the one of least norm.
+    makes the answer unique: among all lexicographic optima, the one of least norm. A level with damping minimizes
+    `||v_k(x)||^2 + ||D_k x||^2` instead, and the levels after it keep what its rows reached; see
+    `hqp_rp.core.level_damping`.
 
     Args:
         levels: the levels, most important first; every level has the same number of unknowns.
@@ -48,6 +51,7 @@ class Problem(_native.Problem):
         offsets: (p + 1,) int64: level k (from 0) holds rows `offsets[k]:offsets[k + 1]`.
         names: p strings.
         hard: `Level` or None.
+        damping: p policies or Nones, or None where no level is damped.
         n, p: number of unknowns and of levels.
         is_equality: every row of every level is an equality.
         rows, hard_rows: how many rows the levels have together, and how many are hard.
@@ -73,7 +77,8 @@ class Problem(_native.Problem):
             upper = np.concatenate([level.upper for level in everything])
         matrix = np.ascontiguousarray(np.concatenate([level.A for level in everything], axis=0))
         names = tuple(level.name or f"level {k + 1}" for k, level in enumerate(levels))
-        super().__init__(matrix, lower, upper, offsets, names, on_top, None, equality)
+        damping = tuple(level.damping for level in levels) if any(level.damping for level in levels) else None
+        super().__init__(matrix, lower, upper, offsets, names, on_top, None, equality, damping)
         if hard is not None:
             self.kept = {"hard": hard}
 
@@ -87,20 +92,23 @@ class Problem(_native.Problem):
         *,
         names: Sequence[str] | None = None,
         hard: Level | None = None,
+        damping: Sequence[LevelDamping | None] | None = None,
         check: bool = True,
     ) -> Problem:
         """The same problem from stacked arrays: matrix (M, n), lower, upper (M,), offsets (p + 1,).
+
+        damping: one policy or None for each level; None for none at all.
 
         With `check=False`, the fast path of a control loop: nothing is copied or checked, so the arrays must be
         C-contiguous float64 (offsets int64), must satisfy what `Level` demands, and must not be written to while the problem
         is in use. Pass the same array as `lower` and `upper` for a pure equality problem.
         """
         if check:
-            return cls(split_levels(matrix, lower, upper, offsets, names), hard)
+            return cls(split_levels(matrix, lower, upper, offsets, names, damping), hard)
         if names is None:
             names = [f"level {k + 1}" for k in range(len(offsets) - 1)]
         equality = lower is upper or bool((lower == upper).all())
-        return cls._of(matrix, lower, upper, offsets, tuple(names), 0, hard, equality)
+        return cls._of(matrix, lower, upper, offsets, tuple(names), 0, hard, equality, _damping(damping))
 
     @classmethod
     def from_rows(
@@ -112,14 +120,16 @@ class Problem(_native.Problem):
         names: tuple[str, ...],
         hard_rows: int,
         is_equality: bool,
+        damping: tuple[LevelDamping | None, ...] | None = None,
     ) -> Problem:
         """The problem whose first `hard_rows` rows are hard, above those of its levels; nothing is checked or copied.
 
         Args:
             matrix, lower, upper: (hard_rows + M, n), (hard_rows + M,), of all rows; offsets: (p + 1,) of the levels alone.
             names: of the levels. is_equality: whether every row of every level is an equality.
+            damping: one policy or None for each level, at least one that is not None; or None.
         """
-        return cls._of(matrix, lower, upper, offsets, names, hard_rows, None, is_equality)
+        return cls._of(matrix, lower, upper, offsets, names, hard_rows, None, is_equality, damping)
 
     @classmethod
     def _of(cls, *arrays: Any) -> Problem:
@@ -127,7 +137,7 @@ class Problem(_native.Problem):
         try:
             _native.Problem.__init__(problem, *arrays)
         except (TypeError, ValueError):
-            matrix, lower, upper, offsets, names, _, hard, _ = arrays
+            matrix, lower, upper, offsets, names, _, hard, _, _ = arrays
             require_arrays(matrix, lower, upper, offsets, names, hard)
             raise
         return problem
@@ -199,6 +209,13 @@ class Problem(_native.Problem):
         return self._once("levels", lambda: tuple(self._views()))
 
     @property
+    def damping_rows(self) -> tuple[FloatArray, IntArray]:
+        """D (R, n) and offsets (p + 1,): level k minimizes `||v_k(x)||^2 + ||D_k x||^2`; not to be written to."""
+        from hqp_rp.core.level_damping import damping_rows
+
+        return self._once("damping_rows", lambda: damping_rows(self))
+
+    @property
     def with_hard(self) -> Stacked:
         """`stacked` with the hard rows (none: an empty level) as level 0; not to be written to."""
         return self._once("with_hard", self._together)
@@ -219,7 +236,8 @@ class Problem(_native.Problem):
     def _views(self) -> Iterator[Level]:
         for k in range(self.p):
             rows = slice(int(self.offsets[k]), int(self.offsets[k + 1]))
-            yield Level._view(self.matrix[rows], self.lower[rows], self.upper[rows], self.names[k])
+            damping = None if self.damping is None else self.damping[k]
+            yield Level._view(self.matrix[rows], self.lower[rows], self.upper[rows], self.names[k], damping)
 
     def __setattr__(self, name: str, value: object) -> None:
         if name == "kept":
@@ -228,12 +246,13 @@ class Problem(_native.Problem):
         raise AttributeError(f"A Problem is read-only: build a new one instead of setting {name!r}.")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_rebuild, (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard))
+        return (_rebuild, (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard, self.damping))
 
     def __repr__(self) -> str:
         rows = " + ".join(str(int(m)) for m in np.diff(self.offsets))
         hard = f", {self.hard.m} hard rows" if self.hard is not None else ""
-        return f"Problem({rows} rows on {self.n} unknowns{hard})"
+        damped = "" if self.damping is None else f", damping {', '.join(str(policy) for policy in self.damping)}"
+        return f"Problem({rows} rows on {self.n} unknowns{hard}{damped})"
 
 
 def _rebuild(
@@ -243,5 +262,11 @@ def _rebuild(
     offsets: IntArray,
     names: tuple[str, ...],
     hard: Level | None,
+    damping: tuple[LevelDamping | None, ...] | None = None,
 ) -> Problem:
-    return Problem.from_stacked(matrix, lower, upper, offsets, names=names, hard=hard)
+    return Problem.from_stacked(matrix, lower, upper, offsets, names=names, hard=hard, damping=damping)
+
+
+def _damping(damping: Sequence[LevelDamping | None] | None) -> tuple[LevelDamping | None, ...] | None:
+    """As a problem keeps it: None where no level is damped."""
+    return tuple(damping) if damping is not None and any(damping) else None

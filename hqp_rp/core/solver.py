@@ -31,6 +31,7 @@ class Solver(abc.ABC):
         summary: one line on what it computes.
         source: where it comes from (paper and equation).
         takes_inequalities, takes_hard: whether it accepts two-sided rows and hard rows.
+        takes_damping: whether it accepts damping of single levels (`hqp_rp.core.level_damping`).
     """
 
     name: ClassVar[str]
@@ -38,6 +39,7 @@ class Solver(abc.ABC):
     source: ClassVar[str]
     takes_inequalities: ClassVar[bool] = False
     takes_hard: ClassVar[bool] = False
+    takes_damping: ClassVar[bool] = False
 
     @property
     def tolerance(self) -> float:
@@ -57,6 +59,11 @@ class Solver(abc.ABC):
             return f"{self.name} is a closed form without hard rows; use a solver that takes them, such as qp_cascade."
         if not problem.is_equality and not self.takes_inequalities:
             return f"{self.name} solves equalities only; use a solver that takes two-sided rows, such as qp_cascade."
+        if problem.damping is not None and not self.takes_damping:
+            return (
+                f"{self.name} knows no damping of single levels; give the solver its own damping where it has one, or use one "
+                "that takes it, such as hierarchical_active_set."
+            )
         return None
 
     @abc.abstractmethod

@@ -52,3 +52,15 @@ SATURATED = 1e-12
 
 NEAR_ZERO = 1e-12
 """An x shorter than this part of what a problem's bounds could ask of it is judged as one at zero: see `certify`."""
+
+REACHED = 1e-12
+"""A row of a damped level that misses its bound by more than this part of ||a_i|| ||x|| + |bound_i| keeps the value it has."""
+
+TRUNCATED = 1e3
+"""Truncation at a level: how strongly a direction at or below the threshold is damped, as a multiple of ||A_k||."""
+
+NEARLY_FREE = 1e-4
+"""Judging a truncated level: a move costs this part of one in a direction that its policy damps, until no bias is left."""
+
+STANDSTILL = 1e-13
+"""Judging a damped level: a step of less than this part of what it starts from is rounding error."""

@@ -7,9 +7,11 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.core.diagnostics import checked_point, norm, normalised, two_norm
+from hqp_rp.core.diagnostics import checked_point, norm, normalised, two_norm, violation
 from hqp_rp.core.errors import ProblemError, SettingError
+from hqp_rp.core.level_damping import as_reached
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.truth_exact import AffineSet, Unit, exact_norm, stacked_ranks
 from hqp_rp.core.truth_rule import BORDERLINE, solve_by_rule
@@ -75,6 +77,8 @@ def truth(
         start: (n,) a guess of the optimum, such as a solver's answer, from which the search with inequality or hard rows
             starts; unused without them. It decides how long that takes, not what the exact answer is.
 
+    A level with damping is solved exactly as what it is; what it reached is rounded to double precision before the next level.
+
     Raises:
         ProblemError: `secondary` or `start` does not fit.
         SettingError: an unknown rank rule.
@@ -98,6 +102,8 @@ def truths(
         raise ProblemError(f"problem is a {type(problem).__name__}; build it with hqp_rp.Problem([...]).")
     goal = np.zeros(problem.n) if secondary is None else checked_point(secondary, problem.n, "secondary")
     guess = None if start is None else checked_point(start, problem.n, "start")
+    if problem.damping is not None:
+        return _damped(problem, goal, tolerance, guess)
     if not problem.is_equality or (problem.hard is not None and problem.hard.m):
         return _with_inequalities(problem, goal, tolerance, guess)
     levels = [(level.A, level.lower) for level in problem.levels]
@@ -109,6 +115,24 @@ def truths(
     method = f"{by_rule.bits}-bit arithmetic, rank tolerance {tolerance:g}"
     rule = Truth(by_rule.x, np.array(by_rule.residuals), by_rule.ranks, bool(reason), reason, method)
     return _rational(levels, goal, exact_ranks, reason), rule
+
+
+def _damped(
+    problem: Problem, goal: FloatArray, tolerance: float, guess: FloatArray | None
+) -> tuple[Truth, Truth | None]:
+    def exact(step: Problem, secondary: FloatArray | None) -> Solution:
+        found = truth(step, secondary, tolerance)  # what rounding makes of damping rows is no rank
+        return Solution(step, found.x, Status.INFEASIBLE if found.x is None else Status.SOLVED)
+
+    found = truths(as_reached(problem, exact), goal, tolerance, start=guess)
+    return _as_stated(problem, found[0]), None if found[1] is None else _as_stated(problem, found[1])
+
+
+def _as_stated(problem: Problem, answer: Truth) -> Truth:
+    if answer.x is None:
+        return answer
+    residuals = np.array([norm(violation(level, answer.x)) for level in problem.levels])
+    return dataclasses.replace(answer, residuals=residuals)
 
 
 def _rational(

@@ -33,7 +33,7 @@ def fault_of(
         problem, x, secondary, tolerance, rank_tolerance: as for `certify`; not checked.
         tried: the quick proof has been tried already, and has not succeeded.
     """
-    if not tried:
+    if not tried and problem.damping is None:
         zeta = zeros(problem.n) if secondary is None else secondary
         if _native.proven_optimal(problem, x, zeta, tolerance, rank_tolerance):
             return ""

@@ -106,7 +106,10 @@ def rewritten(path: pathlib.Path, **changes: object) -> None:
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"version": VERSION + 1}, f"format version {VERSION + 1}; this release of hqp_rp reads version {VERSION}"),
+        (
+            {"version": VERSION + 1},
+            f"format version {VERSION + 1}; this release of hqp_rp reads versions 1 to {VERSION}",
+        ),
         ({"version": None}, "format version None"),
         ({"format": "something else"}, "not a problem file"),
         ({"format": None}, "not a problem file"),

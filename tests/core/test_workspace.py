@@ -89,6 +89,9 @@ def test_nor_in_a_batch(name: str) -> None:
             batches.append((np.stack([q.matrix for q in problems]), np.stack([q.lower for q in problems])))
         offsets = problems[0].offsets
         counts = _blocks_in_a_fresh_thread(
-            [lambda A=A, b=b: solve_batch(A, b, None, offsets, solver=SOLVERS[name], threads=1) for A, b in batches]
+            [
+                lambda A=A, b=b, at=offsets: solve_batch(A, b, None, at, solver=SOLVERS[name], threads=1)
+                for A, b in batches
+            ]
         )
         assert counts == [counts[0]] * len(batches), (n, sizes)

@@ -47,8 +47,18 @@ class ActiveSet {
       call.z = required<double>(secondary, 1, "secondary");
       if (length_of(secondary.ptr()) != n) throw nb::value_error("secondary does not have one number for each unknown.");
     }
+    nb::object damping;  // holds the rows while they are read
+    if (!nb::inst_ptr<ProblemObject>(problem)->damping.is_none()) {
+      damping = problem.attr("damping_rows");
+      nb::object D = damping[0], offsets = damping[1];
+      call.damped = {required<double>(D, 2, "damping rows"), required<std::int64_t>(offsets, 1, "their offsets")};
+      if (length_of(offsets.ptr()) != view.levels + 1 || length_of(D.ptr(), 1) != n || call.damped.offsets[0] != 0 ||
+          call.damped.offsets[view.levels] != length_of(D.ptr()))
+        throw nb::value_error("The damping rows do not fit the problem.");
+    }
     call.rank_tolerance = rank_tolerance_;
-    call.limit = max_iterations_ < 0 ? 200 + 10 * rows : max_iterations_;
+    const int searched = damping.is_valid() ? 2 * rows + n * view.levels : rows;
+    call.limit = max_iterations_ < 0 ? 200 + 10 * searched : max_iterations_;
     call.least_violation = least_violation_;
     Workspace& workspace = thread_workspace();
     Workspace::Scope scope(workspace);

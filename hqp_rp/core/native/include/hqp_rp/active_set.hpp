@@ -11,6 +11,9 @@
 // moves until the working set allows it. Where that does not end, the primal search takes over from the last point that kept every
 // bound: it moves until a row blocks, one row at a time, and cannot cycle (Bland's rule).
 //
+// A level with damping rows D is searched twice: first with D x = 0 beside its own rows, which nothing later keeps; then with its own rows
+// alone, equalities and violated rows asking for exactly the value that they have there.
+//
 // Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. The level-by-level search with fresh factorizations,
 // guess and block pivots is ours.
 #pragma once
@@ -27,17 +30,34 @@ constexpr int block_pivots = 6;  // block pivots tried in a level before the pri
 template <class W>
 class ActiveSetSearch {
  public:
-  ActiveSetSearch(const Problem& problem, double rank_tolerance, int limit, Workspace& workspace, W width)
-      : problem_(problem), width_(width), n_(problem.unknowns), p_(problem.levels + 1), tol_(rank_tolerance), limit_(limit),
+  // Rows that a search works on: hard ones, and a damped level's twice.
+  static int rows_of(const Problem& problem, const Damped& damped) {
+    int rows = problem.hard_rows + problem.rows;
+    for (int k = 0; k < problem.levels; ++k)
+      if (damped.of(k)) rows += static_cast<int>(problem.offsets[k + 1] - problem.offsets[k]) + damped.of(k);
+    return rows;
+  }
+
+  ActiveSetSearch(const Problem& problem, const Damped& damped, double rank_tolerance, int limit, Workspace& workspace, W width)
+      : problem_(problem), damped_(damped), width_(width), n_(problem.unknowns), p_(searched_levels(problem, damped)),
+        tol_(rank_tolerance), limit_(limit),
         depends_(rank_tolerance > tolerance::depends ? rank_tolerance : tolerance::depends), workspace_(workspace),
-        rows_(problem.hard_rows + problem.rows, problem.unknowns, width, workspace) {
+        rows_(rows_of(problem, damped), problem.unknowns, width, workspace) {
     const int M = rows_.M;
     offsets_ = workspace.counts(p_ + 1);
-    offsets_[0] = 0;
-    int largest = 0;
-    for (int k = 0; k < p_; ++k) {
-      offsets_[k + 1] = problem.hard_rows + static_cast<int>(problem.offsets[k]);
-      largest = std::max(largest, offsets_[k + 1] - offsets_[k]);
+    tentative_ = workspace.counts(p_ + 1);
+    offsets_[0] = tentative_[0] = 0;
+    offsets_[1] = problem.hard_rows;
+    int largest = problem.hard_rows, level = 0;
+    const auto append = [&](int rows, int tentative) {
+      tentative_[++level] = tentative;
+      offsets_[level + 1] = offsets_[level] + rows;
+      largest = std::max(largest, rows);
+    };
+    for (int k = 0; k < problem.levels; ++k) {
+      const int m = static_cast<int>(problem.offsets[k + 1] - problem.offsets[k]);
+      if (damped.of(k)) append(m + damped.of(k), 1);
+      append(m, 0);
     }
     const int size = std::max(n_ + largest + 1, M);
     matrix_ = make_matrix(workspace, n_ + largest + 1, n_);
@@ -75,12 +95,13 @@ class ActiveSetSearch {
     const int together = go_on ? std::max(p.hard_rows, 1) : 1;
     for (int i = 0; i < p.hard_rows && sound; i += together)
       sound = rows_.load(i, together, p.hard_matrix + static_cast<std::ptrdiff_t>(i) * n_, p.hard_rows - i, p.hard_lower + i,
-                         p.hard_upper + i, guessed ? side : nullptr);
-    for (int k = 0; k < p.levels && sound; ++k) {
+                         p.hard_upper + i, guessed ? side + i : nullptr);
+    for (int k = 0, level = 1; k < p.levels && sound; ++k, ++level) {
       const std::int64_t r0 = p.offsets[k];
       const int m = static_cast<int>(p.offsets[k + 1] - r0);
-      sound = rows_.load(p.hard_rows + static_cast<int>(r0), m, p.matrix + r0 * n_, p.rows - static_cast<int>(r0), p.lower + r0,
-                         p.upper + r0, guessed ? side : nullptr);
+      const int* guesses = guessed ? side + p.hard_rows + r0 : nullptr;
+      if (tentative_[level]) sound = load_damped(k, level++, guesses);
+      sound = sound && rows_.load(offsets_[level], m, p.matrix + r0 * n_, p.rows - static_cast<int>(r0), p.lower + r0, p.upper + r0, guesses);
     }
     if (!sound) return Outcome::not_finite;
     for (int j = 0; j < width_; ++j) {
@@ -89,7 +110,15 @@ class ActiveSetSearch {
     }
     const Outcome outcome = search_levels(go_on);
     for (int j = 0; j < n_; ++j) x[j] = point_[j];
-    for (int i = 0; i < rows_.M; ++i) side[i] = outcome == Outcome::infeasible ? rows_.conflict[i] : rows_.side[i];
+    const bool infeasible = outcome == Outcome::infeasible;
+    for (int i = 0; i < p.hard_rows; ++i) side[i] = infeasible ? rows_.conflict[i] : rows_.side[i];
+    for (int k = 0, level = 1; k < p.levels; ++k, ++level) {
+      level += tentative_[level];
+      const std::int64_t r0 = p.hard_rows + p.offsets[k];
+      // A violated row of a damped level became an equality; `conflict` says at which side.
+      for (int i = offsets_[level]; i < offsets_[level + 1]; ++i)
+        side[r0 + i - offsets_[level]] = infeasible ? 0 : rows_.conflict[i] ? rows_.conflict[i] : rows_.side[i];
+    }
     if (outcome != Outcome::infeasible && outcome != Outcome::iteration_limit && !finite(x, n_)) return Outcome::not_finite;
     return outcome;
   }
@@ -100,6 +129,42 @@ class ActiveSetSearch {
 
  private:
   using Rows = WorkingRows<W>;
+
+  static int searched_levels(const Problem& problem, const Damped& damped) {
+    int levels = problem.levels + 1;
+    for (int k = 0; k < problem.levels; ++k) levels += damped.of(k) > 0;
+    return levels;
+  }
+  // The rows of level k with its damping rows below them, in one scale.
+  bool load_damped(int k, int level, const int* guesses) {
+    Workspace::Scope scope(workspace_);
+    const std::int64_t r0 = problem_.offsets[k];
+    const int m = static_cast<int>(problem_.offsets[k + 1] - r0), r = damped_.of(k);
+    double* rows = workspace_.numbers(static_cast<std::size_t>(m + r) * n_);
+    double *low = workspace_.numbers(m + r), *up = workspace_.numbers(m + r);
+    int* guess = guesses ? workspace_.counts(m + r) : nullptr;
+    std::copy(problem_.matrix + r0 * n_, problem_.matrix + (r0 + m) * n_, rows);
+    std::copy(damped_.rows + damped_.offsets[k] * n_, damped_.rows + damped_.offsets[k + 1] * n_, rows + static_cast<std::ptrdiff_t>(m) * n_);
+    for (int i = 0; i < m + r; ++i) {
+      low[i] = i < m ? problem_.lower[r0 + i] : 0.0;
+      up[i] = i < m ? problem_.upper[r0 + i] : 0.0;
+      if (guess) guess[i] = i < m ? guesses[i] : 0;
+    }
+    return rows_.load(offsets_[level], m + r, rows, m + r, low, up, guess);
+  }
+  // What the damped level k reached is what its own rows, level k + 1, are to keep; the damping rows and the copies beside them are done.
+  void keep_reached(int k, double size) {
+    for (int i = offsets_[k]; i < offsets_[k + 1]; ++i) {
+      rows_.release(i);
+      rows_.state[i] = Rows::waiting;
+    }
+    rows_.set_values(point_, offsets_[k + 1], offsets_[k + 2]);
+    for (int i = offsets_[k + 1]; i < offsets_[k + 2]; ++i) {
+      const bool violated = !rows_.equality(i) && rows_.beyond(i, size);
+      if (violated) rows_.conflict[i] = rows_.value[i] > rows_.up[i] ? 1 : -1;
+      if (violated || rows_.equality(i)) rows_.low[i] = rows_.up[i] = rows_.value[i];
+    }
+  }
 
   // --- the freedom that finished levels left -------------------------------------------------------------------------------
 
@@ -672,7 +737,13 @@ class ActiveSetSearch {
       nW = s.nW;
       if (last) break;
       size = s.size;
-      smallest = std::min(smallest, s.pivot);
+      if (k == 0 || !tentative_[k - 1]) smallest = std::min(smallest, s.pivot);  // what was reached is met, however near a singularity
+      if (tentative_[k]) {
+        keep_reached(k, size);
+        nW = rows_.compress(held_, nW);
+        keep_turns(k, 0, Turn{}, c0);
+        continue;
+      }
       const Settled settled = settle(r0, r1, nW, s.residual, size);
       nW = settled.nW;
       contradicting += settled.contradicting;
@@ -709,14 +780,16 @@ class ActiveSetSearch {
   }
 
   const Problem& problem_;
+  const Damped damped_;
   const W width_;
-  const int n_, p_;  // p: levels, the hard rows among them
+  const int n_, p_;  // p: levels that are searched, the hard rows among them
   const double tol_;
   const int limit_;
   const double depends_;
   Workspace& workspace_;
   Rows rows_;
   int* offsets_;
+  int* tentative_;    // of each level, whether it is a damped one, followed by its own rows
   Matrix matrix_;     // held rows and counted rows of a step, factored
   Matrix V_;          // their reflectors, one for each column from the level's first on
   Matrix done_;       // reflectors of finished levels: first[k] ... first[k + 1] - 1, the first at column[k]

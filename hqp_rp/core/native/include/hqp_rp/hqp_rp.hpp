@@ -23,9 +23,12 @@ inline Outcome reverse_priority(const Problem& problem, double* x, Workspace& wo
 
 // The lexicographic optimum with two-sided rows at any level and hard rows. side (hard_rows + rows,): the bounds at which rows are active,
 // -1, 0 or +1; with `warm` it and x hold the last answer. `inaccurate`: solved, but near a singularity, where it should be verified.
-inline Outcome active_set(const Problem& problem, double* x, int* side, Workspace& workspace, bool warm = false, const double* z = nullptr) {
+// damped: damping rows of levels, see `Damped`.
+inline Outcome active_set(const Problem& problem, double* x, int* side, Workspace& workspace, bool warm = false, const double* z = nullptr,
+                          const Damped& damped = {}) {
   ActiveSetCall call;
   call.problem = &problem;
+  call.damped = damped;
   call.z = z;
   call.limit = 200 + 10 * (problem.hard_rows + problem.rows);
   call.guessed = warm;

@@ -12,6 +12,7 @@ namespace hqp {
 // What an active-set search is given, and what it says beside its outcome; `inaccurate` asks for the answer to be verified.
 struct ActiveSetCall {
   const Problem* problem = nullptr;
+  Damped damped;
   const double* z = nullptr;     // (unknowns,) what x should be near to; null means 0
   double rank_tolerance = tolerance::rank;
   int limit = 1000;              // working sets factored

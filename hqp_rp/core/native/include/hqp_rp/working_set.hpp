@@ -48,7 +48,8 @@ struct WorkingRows {
     state = counts, working = state + M, guess = working + M, conflict = guess + M, turned = conflict + M, side = turned + M;
   }
 
-  // Rows r0 ... of a level from m rows (of `rows_left` that may be read) and their bounds; false when a number is not finite.
+  // Rows r0 ... of a level from m rows (of `rows_left` that may be read), their bounds and guesses (null for none); false when a number
+  // is not finite.
   bool load(int r0, int m, const double* matrix, int rows_left, const double* lower, const double* upper, const int* guesses) {
     double longest = 0.0;
     bool sound = true;
@@ -98,7 +99,7 @@ struct WorkingRows {
       working[row] = 0;
       conflict[row] = 0;
       turned[row] = -1;
-      guess[row] = guesses ? guesses[row] : 0;
+      guess[row] = guesses ? guesses[i] : 0;
       side[row] = 0;
       ordered = ordered && low[row] < infinite && up[row] > -infinite;
     }
