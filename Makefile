@@ -71,11 +71,11 @@ sanitize: setup
 	$(CMAKE) -S hqp_rp/core/native -B $(SANITIZED)/build -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DHQP_RP_PYTHON=ON -DHQP_RP_SANITIZE=ON \
 	  -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python -DCMAKE_BUILD_TYPE=Debug >/dev/null
 	$(CMAKE) --build $(SANITIZED)/build >/dev/null
-	@cp -R hqp_rp solvers scenarios tests pyproject.toml $(SANITIZED)/tree/ && rm -f $(SANITIZED)/tree/hqp_rp/core/_native*.so
+	@cp -R hqp_rp solvers scenarios tests docs pyproject.toml $(SANITIZED)/tree/ && rm -f $(SANITIZED)/tree/hqp_rp/core/_native*.so
 	@cp $(SANITIZED)/build/_native*.so $(SANITIZED)/tree/hqp_rp/core/
 	cd $(SANITIZED)/tree && LD_PRELOAD="$$(c++ -print-file-name=libasan.so) $$(c++ -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 \
 	  $(CURDIR)/$(BIN)/python -m pytest -q -n 0 -p no:cacheprovider $(SANITIZE_TESTS)
-SANITIZE_TESTS ?= tests/solvers tests/problem_set tests/core/test_verify.py tests/core/test_batch.py
+SANITIZE_TESTS ?= tests/solvers tests/problem_set tests/core/test_verify.py tests/core/test_batch.py tests/core/test_workspace.py
 
 check: format lint imports types api-types
 

@@ -32,9 +32,9 @@ class HierarchicalActiveSet(Solver):
     repeated Bland's rule chooses, so that it cannot cycle. Whichever way, the same conditions of optimality end the search,
     from a fresh factorization. Rows that a finished level determines leave for good; satisfied rows are kept as rows.
     A level whose rows that count can all be met is met by one factorization, without multipliers. A level with damping
-    (`hqp_rp.core.level_damping`) is searched with its damping rows, then its own rows keep what they reached. Near a singularity, where
-    multipliers close to rounding error decide, and where hard rows contradict each other by next to nothing, the answer is
-    verified before it is called solved; where that fails it is `INACCURATE`.
+    (`hqp_rp.core.level_damping`) is searched with its damping rows, then its own rows keep what they reached. Near a
+    singularity, where multipliers close to rounding error decide, and where hard rows contradict each other by next to
+    nothing, the answer is verified before it is called solved; where that fails it is `INACCURATE`.
 
     Args:
         rank_tolerance: the library's rank rule, in [0, 1).

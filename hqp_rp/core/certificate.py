@@ -351,8 +351,10 @@ def _nearest(B: FloatArray, c: FloatArray, G: FloatArray, h: FloatArray) -> Floa
     y, held, idle = np.zeros(B.shape[1]), np.zeros(len(G), dtype=bool), 0
     for _ in range(50 + 10 * len(G)):
         N = np.linalg.qr(G[held].T, mode="complete")[0][:, int(held.sum()) :] if held.any() else np.eye(len(y))
-        slope = B @ y + c
-        step = -N @ np.linalg.lstsq(B @ N, slope, rcond=None)[0] if N.shape[1] else np.zeros(len(y))
+        slope = np.asarray(B @ y + c, dtype=np.float64)
+        step = np.zeros(len(y))
+        if N.shape[1]:
+            step = np.asarray(-N @ np.linalg.lstsq(B @ N, slope, rcond=None)[0], dtype=np.float64)
         length = norm(step)
         if length > STANDSTILL * (norm(y) + norm(c) / two_norm(B)):
             change = G @ step

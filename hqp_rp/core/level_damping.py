@@ -18,11 +18,11 @@ much freedom as an undamped one, and no level below can undo it.
 
 What is kept, exactly: hard rows, the levels before, and a level that x = 0 meets or that its policy does not damp (no error, no
 small singular value). What is not: a damped level misses what it could meet, by mu / (sigma^2 + mu) of the error along a
-singular direction sigma. Where x = 0 minimizes ||v_k|| alone, as at rest on a target or as near to it as can be, damping changes
-nothing. On equalities alone, constant and variable damping are those of `null_space`, (14)-(19).
+singular direction sigma. Where x = 0 minimizes ||v_k|| alone, as at rest on a target or as near to it as can be, damping
+changes nothing. On equalities alone, constant and variable damping are those of `null_space`, (14)-(19).
 
-Source: Nakamura and Hanafusa 1986 and Wampler 1986 for the damping; Escande, Mansard and Wieber 2014 for what levels keep. Damping
-single levels beside hard rows in this way is ours.
+Source: Nakamura and Hanafusa 1986 and Wampler 1986 for the damping; Escande, Mansard and Wieber 2014 for what levels keep.
+Damping single levels beside hard rows in this way is ours.
 """
 
 from __future__ import annotations
@@ -157,7 +157,8 @@ class _Reached:
     def problem(self, last: int | None = None, D: FloatArray | None = None) -> Problem:
         """Without damping: the levels up to `last`, that one with D x = 0 as further rows; or all levels."""
         rows = self.rows if last is None else self.rows[: last + 1]
-        A, lower, upper = (np.concatenate([part[i] for part in rows]) for i in range(3))
+        A = np.concatenate([part.A for part in rows])
+        lower, upper = np.concatenate([part.lower for part in rows]), np.concatenate([part.upper for part in rows])
         if D is not None:
             zero = np.zeros(len(D))
             A, lower, upper = np.concatenate((A, D)), np.concatenate((lower, zero)), np.concatenate((upper, zero))
