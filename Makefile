@@ -100,8 +100,9 @@ ZIG_CXX = $(CURDIR)/$(VENV)/bin/zig-c++
 COMPILER = if [ -n "$$CXX" ] || command -v c++ >/dev/null 2>&1 || command -v g++ >/dev/null 2>&1 || command -v clang++ >/dev/null 2>&1; then :; else \
 	  echo "There is no C++ compiler here: taking zig from PyPI, about 80 MB ..."; \
 	  $(BIN)/python -m pip install --quiet -c constraints.txt ziglang || exit 1; \
+	  zig="$$($(BIN)/python -c 'import ziglang, pathlib; print(pathlib.Path(ziglang.__file__).with_name("zig"))')"; \
 	  for tool in cc c++ ar ranlib; do \
-	    printf '\#!/bin/sh\nexec "%s/python" -m ziglang %s "$$@"\n' "$(CURDIR)/$(BIN)" $$tool >$(BIN)/zig-$$tool && chmod +x $(BIN)/zig-$$tool; \
+	    printf '\#!/bin/sh\nexec "%s" %s "$$@"\n' "$$zig" $$tool >$(BIN)/zig-$$tool && chmod +x $(BIN)/zig-$$tool; \
 	  done; \
 	  export CC=$(ZIG_CC) CXX=$(ZIG_CXX) CMAKE_ARGS="-DCMAKE_AR=$(CURDIR)/$(BIN)/zig-ar -DCMAKE_RANLIB=$(CURDIR)/$(BIN)/zig-ranlib"; fi
 

@@ -5,7 +5,15 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from hqp_rp.core.damping import ConstantDamping, Damping, NoDamping, Truncation, VariableDamping
+from hqp_rp.core.damping import (
+    ConstantDamping,
+    Damping,
+    ErrorDamping,
+    LevelDamping,
+    NoDamping,
+    Truncation,
+    VariableDamping,
+)
 from hqp_rp.core.errors import (
     FileError,
     HqpError,
@@ -40,9 +48,11 @@ __all__ = [
     "ConstantDamping",
     "Damping",
     "Distance",
+    "ErrorDamping",
     "FileError",
     "HqpError",
     "Level",
+    "LevelDamping",
     "LevelReport",
     "MissingExtraError",
     "NoDamping",

@@ -25,7 +25,7 @@ class Weighted(Solver):
 
     ::
 
-        min_x  sum_k w_k (||v_k(x)||^2 + ||D_k x||^2) + damping ||x - secondary||^2    subject to the hard rows
+        min_x  sum_k w_k (||v_k(x)||^2 + ||D_k x - d_k||^2) + damping ||x - secondary||^2    subject to the hard rows
 
     with v_k the violation of level k (`A_k x - b_k` for equalities) and D_k its damping, if it has one. Equalities alone are
     solved by an orthogonal factorization of the stacked rows `sqrt(w_k) A_k`, `sqrt(damping) I`, never by squaring them, so
@@ -121,9 +121,10 @@ class Weighted(Solver):
         row_costs = np.repeat(costs, counts)
         A, lower, upper = row_costs[:, None] * problem.matrix, row_costs * problem.lower, row_costs * problem.upper
         if problem.damping is not None:
-            D, offsets = problem.damping_rows
-            A = np.concatenate([A, np.repeat(costs, np.diff(offsets))[:, None] * D])
-            lower, upper = (np.concatenate([bound, np.zeros(len(D))]) for bound in (lower, upper))
+            D, d, offsets = problem.damping_rows
+            own_costs = np.repeat(costs, np.diff(offsets))
+            A = np.concatenate([A, own_costs[:, None] * D])
+            lower, upper = np.concatenate([lower, own_costs * d]), np.concatenate([upper, own_costs * d])
         if self.damping > 0.0:
             root = math.sqrt(self.damping)
             A = np.concatenate([A, root * np.eye(problem.n)])

@@ -10,9 +10,20 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp import Level, Problem
+from hqp_rp import ConstantDamping, ErrorDamping, Level, Problem, Truncation, VariableDamping
 
 Array = NDArray[np.float64]
+
+POLICIES = (
+    ConstantDamping(0.2),
+    ErrorDamping(0.05),
+    VariableDamping(0.8, 0.3),
+    Truncation(0.4),
+    ErrorDamping(0.1, power=1),
+    ErrorDamping(0.05, toward="rest"),
+    None,
+)
+"""Of single levels, each kind at least once."""
 
 
 def stack(
@@ -113,6 +124,15 @@ def two_sided(
         levels.append(Level(A, lower, upper))
     hard = None if box is None else Level(np.eye(n), -box, box, name="box")
     return Problem(levels, hard=hard)
+
+
+def damped(problem: Problem, shift: int = 0) -> Problem:
+    """The same levels, each with one of the policies of damping in turn, from number `shift` on."""
+    levels = [
+        Level(level.A, level.lower, level.upper, level.name, damping=POLICIES[(k + shift) % len(POLICIES)])
+        for k, level in enumerate(problem.levels)
+    ]
+    return Problem(levels, hard=problem.hard)
 
 
 def boxed(problem: Problem, bound: float) -> Problem:

@@ -9,7 +9,6 @@ This module imports mink; whoever has a mink object has mink.
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import mink
@@ -34,9 +33,8 @@ class MinkTask:
     Raises:
         SettingError: a mink task that is not of the form A dq = -alpha e (such as an inertia-weighted regularization).
 
-    Warns:
-        UserWarning: the task's `lm_damping` is not 0. It is damping of mink's own QP, which a prioritized problem has no
-            place for: damping is a setting of the solver here.
+    Its `lm_damping` is that of the level it stands in, mu = lm_damping |w alpha e|^2, unless `Stack(damping=...)` gives that
+    level another.
     """
 
     __slots__ = ("_configurations", "_task")
@@ -45,14 +43,7 @@ class MinkTask:
         if not isinstance(task, mink.Task):
             raise SettingError(
                 f"the mink task {type(task).__name__} is an objective without rows A dq = -gain * error, so it cannot be a "
-                "level; leave it out, and give the solver damping or a weight instead."
-            )
-        if task.lm_damping:
-            warnings.warn(
-                f"the mink task {type(task).__name__} has lm_damping={task.lm_damping:g}, which has no place in a "
-                "prioritized problem and is left out; damping is a setting of the solver here.",
-                UserWarning,
-                stacklevel=4,
+                "level; leave it out, and give the level damping instead."
             )
         self._task = task
         self._configurations = configurations
@@ -62,6 +53,11 @@ class MinkTask:
         """The frame of the mink task and its class."""
         frame = getattr(self._task, "frame_name", None)
         return f"mink {type(self._task).__name__}" + ("" if frame is None else f" {frame}")
+
+    @property
+    def lm_damping(self) -> float:
+        """mink's Levenberg-Marquardt damping of this task."""
+        return float(self._task.lm_damping)
 
     def evaluate(self, robot: Robot, dt: float) -> tuple[FloatArray, FloatArray]:
         """Jacobian (m, nv) and rate (m,), scaled by the cost; m is the number of rows of nonzero cost."""

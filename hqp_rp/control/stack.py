@@ -14,6 +14,7 @@ from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control._stack_rows import LIMIT, MINK_TASK, TASK, StackRows
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
+from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.robot.robot import Robot
@@ -45,19 +46,25 @@ class Stack:
             taken as they are, for robots that MuJoCo computes: see `hqp_rp.control.mink_adapter`.
         limits: rows that no answer may violate. A task given here is a hard equality.
         names: one name for each level; by default the names of its tasks.
+        damping: a policy for every level, or a list with a policy or None for each: see `hqp_rp.core.level_damping`. A level
+            whose target may be out of reach, or whose way may be blocked by limits, needs it: without, the exact answer of
+            each step jumps between bounds. `ErrorDamping(0.1)` leaves a target that can be reached alone. Its error is the
+            level's rate, gain times error. None takes over the `lm_damping` of mink's tasks, where they have one.
 
     Raises:
-        SettingError: no level, an empty level, names that do not fit, or an item that is none of these.
+        SettingError: no level, an empty level, names or damping that do not fit, or an item that is none of these.
     """
 
     __slots__ = (
         "_configurations",
         "_counts",
+        "_damping",
         "_ends",
         "_hard",
         "_items",
         "_levels",
         "_limits",
+        "_mink_tasks",
         "_names",
         "_needs_dt",
         "_offsets",
@@ -71,6 +78,7 @@ class Stack:
         limits: Sequence[Item] = (),
         *,
         names: Sequence[str] | None = None,
+        damping: LevelDamping | Sequence[LevelDamping | None] | None = None,
     ) -> None:
         self._configurations: Configurations | None = None
         if not isinstance(levels, list | tuple) or not levels:
@@ -84,6 +92,13 @@ class Stack:
         self._ends = np.cumsum([len(level) for level in adapted]).tolist()
         self._hard = [self._adapt(item, "limits") for item in self._limits]
         self._names = _level_names(names, adapted)
+        self._damping = _level_damping(damping, len(adapted))
+        self._mink_tasks = [
+            (k, item)
+            for k, level in enumerate(adapted)
+            for kind, item in level
+            if kind == MINK_TASK and self._damping[k] is None
+        ]
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
         self._rows: StackRows | None = None
@@ -105,6 +120,11 @@ class Stack:
     def names(self) -> tuple[str, ...]:
         """The name of each level."""
         return self._names
+
+    @property
+    def damping(self) -> tuple[LevelDamping | None, ...]:
+        """The damping of each level as it was given; mink's own is not among it."""
+        return self._damping
 
     def problem(self, robot: Robot, dt: float | None = None, v: ArrayLike | None = None) -> Problem:
         """The prioritized problem at the robot's current configuration.
@@ -141,7 +161,12 @@ class Stack:
             self._count(rows)
         equality = not self._two_sided
         offsets, below = self._offsets
-        problem = Problem.from_rows(matrix, lower, upper, offsets, self._names, int(below[1]), equality)
+        damping = self._damping
+        if self._mink_tasks:
+            damping = self._with_mink(rows, lower, dt)
+        problem = Problem.from_rows(
+            matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping if any(damping) else None
+        )
         if self._hard and not problem.hard_rows:  # limits without a row at present
             problem.kept = {"hard": Level(np.zeros((0, robot.nv)), [], [], name="limits")}
         return problem
@@ -169,10 +194,12 @@ class Stack:
         Returns A (N, M, nv), lower (N, M), upper (N, M) or None where every row is an equality, and offsets (p + 1,).
 
         Raises:
-            SettingError: a stack with hard limits, which a batch cannot hold; otherwise as `problem`.
+            SettingError: a stack with hard limits or damping, which a batch cannot hold; otherwise as `problem`.
             RobotError: q of another shape or not finite; otherwise as `problem`.
             ProblemError: an item whose number of rows differs between the configurations; otherwise as `problem`.
         """
+        if any(self._damping) or any(item.lm_damping for _, item in self._mink_tasks):
+            raise SettingError(f"{self!r} has damped levels, which a batch cannot hold; call problem() for each q.")
         if self._hard:
             raise SettingError(
                 f"{self!r} has hard limits, which a batch cannot hold; list them as a level, or call problem() for each q."
@@ -209,6 +236,20 @@ class Stack:
             np.stack([getattr(problem, name) for problem in problems]) for name in ("matrix", "lower", "upper")
         )
         return A, lower, None if all(problem.is_equality for problem in problems) else upper, offsets
+
+    def _with_mink(self, rows: StackRows, lower: FloatArray, dt: float | None) -> tuple[LevelDamping | None, ...]:
+        """The damping of this step: mink's mu = lm_damping |w alpha e|^2 in its unit, where a displacement is v dt."""
+        mu = [0.0] * len(self._damping)
+        ends = np.cumsum(rows.counts)
+        place = {id(item): len(self._hard) + i for i, (_, item) in enumerate(self._items)}
+        for k, item in self._mink_tasks:
+            if item.lm_damping:
+                i = place[id(item)]
+                rate = lower[ends[i] - rows.counts[i] : ends[i]]
+                mu[k] += item.lm_damping * float(rate @ rate) * (dt or 0.0) ** 2
+        return tuple(
+            ConstantDamping(math.sqrt(mu_k)) if mu_k > 0.0 else own for mu_k, own in zip(mu, self._damping, strict=True)
+        )
 
     def _count(self, rows: StackRows) -> None:
         """Find where levels begin and end, from the rows of each item: hard ones first."""
@@ -281,6 +322,18 @@ def _level_names(names: Sequence[str] | None, levels: list[list[tuple[int, Any]]
     if isinstance(names, str) or len(names) != len(levels):
         raise SettingError(f"names is {names!r}; give one name for each of the {len(levels)} levels.")
     return tuple(str(name) for name in names)
+
+
+def _level_damping(
+    damping: LevelDamping | Sequence[LevelDamping | None] | None, levels: int
+) -> tuple[LevelDamping | None, ...]:
+    if not isinstance(damping, list | tuple):
+        return (checked_level_damping(damping),) * levels
+    if len(damping) != levels:
+        raise SettingError(
+            f"damping has {len(damping)} entries for {levels} levels; give one policy or None for each, or one for all."
+        )
+    return tuple(checked_level_damping(policy, f"damping of level {k + 1}") for k, policy in enumerate(damping))
 
 
 def _checked_velocity(v: ArrayLike, robot: Robot) -> FloatArray:

@@ -15,6 +15,7 @@ import numpy as np
 
 from hqp_rp.control._checks import WORLD, check_frames
 from hqp_rp.control.stack import Stack
+from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
 from hqp_rp.core.errors import FileError, HqpError, SettingError, unknown_name, unknown_setting
 from hqp_rp.robot.robot import Robot
 
@@ -43,7 +44,13 @@ LIMITS = {
 """Type in the file -> the limit's class in `hqp_rp.control`; its arguments are the keys of the table."""
 
 _TOP = ("dt", "level", "limit")
-_LEVEL = ("name", "task", "limit")
+_LEVEL = ("name", "damping", "task", "limit")
+_DAMPING = {
+    "constant": (ConstantDamping, 1),
+    "error": (ErrorDamping, 1),
+    "variable": (VariableDamping, 2),
+    "truncation": (Truncation, 1),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,6 +67,7 @@ class StackFile:
     dt: float | None
     _levels: tuple[tuple[str, tuple[Item, ...]], ...]
     _limits: tuple[Item, ...]
+    _damping: tuple[LevelDamping | None, ...] = ()
 
     @property
     def has_limits(self) -> bool:
@@ -82,7 +90,8 @@ class StackFile:
             limits = [item.build(robot, self.origin) for item in self._limits]
             given = [name for name, _ in self._levels]
             defaults = Stack(levels).names
-            stack = Stack(levels, limits, names=[a or b for a, b in zip(given, defaults, strict=True)])
+            names = [a or b for a, b in zip(given, defaults, strict=True)]
+            stack = Stack(levels, limits, names=names, damping=self._damping or None)
             try:
                 stack.problem(robot, self.dt, np.zeros(robot.nv))
             except HqpError as error:
@@ -154,7 +163,7 @@ def parse_stack(text: str, origin: str = "the stack") -> StackFile:
     for key in content:
         if key not in _TOP:
             raise _told(unknown_setting("a stack", key, _TOP), origin)
-    levels = []
+    levels, damping = [], []
     for k, level in enumerate(_tables(content.get("level", []), f"{origin}: level")):
         where = f"level {k + 1}"
         for key in level:
@@ -167,9 +176,11 @@ def parse_stack(text: str, origin: str = "the stack") -> StackFile:
         if not items:
             raise SettingError(f"{origin}: {where} is empty; give it a [[level.task]] or a [[level.limit]].")
         levels.append((name, items))
+        damping.append(_damping(level.get("damping"), f"{origin}: {where}: damping"))
     if not levels:
         raise SettingError(f"{origin}: there is no level; give at least one [[level]] with a [[level.task]].")
-    stack = StackFile(origin, text, _dt(content, origin), tuple(levels), _items(content, "limit", "hard", origin))
+    hard = _items(content, "limit", "hard", origin)
+    stack = StackFile(origin, text, _dt(content, origin), tuple(levels), hard, tuple(damping))
     if stack.has_limits and stack.dt is None:
         raise SettingError(f"{origin}: limits need the time step; write dt = 0.01 (in s) above the first level.")
     return stack
@@ -250,6 +261,26 @@ def _dt(content: Mapping[str, Any], origin: str) -> float | None:
     if isinstance(dt, bool) or not isinstance(dt, int | float) or not 0.0 < dt < float("inf"):
         raise SettingError(f"{origin}: dt is {dt!r}; it must be a finite number of seconds > 0.")
     return float(dt)
+
+
+def _damping(value: Any, what: str) -> LevelDamping | None:
+    """`{ error = 0.1 }`, `{ constant = 0.05 }`, `{ variable = [delta, maximum] }`, `{ truncation = 0.01 }`, or nothing."""
+    if value is None:
+        return None
+    if not isinstance(value, dict) or len(value) != 1 or next(iter(value)) not in _DAMPING:
+        raise SettingError(
+            f"{what} is {value!r}; give one of {', '.join(_DAMPING)}, such as damping = {{ error = 0.1 }}."
+        )
+    ((kind, given),) = value.items()
+    made, count = _DAMPING[kind]
+    numbers = given if isinstance(given, list) else [given]
+    if len(numbers) != count or any(isinstance(number, bool) for number in numbers):
+        raise SettingError(f"{what}: {kind} is {given!r}; it takes {count} number{'s' if count > 1 else ''}.")
+    try:
+        policy: LevelDamping = made(*numbers)
+    except HqpError as error:
+        raise _told(error, what) from None
+    return policy
 
 
 def _tables(value: Any, what: str) -> list[dict[str, Any]]:

@@ -128,7 +128,7 @@ def certify(
 
     A level with damping is judged as the level that it is, `[A_k; D_k]` (see `hqp_rp.core.level_damping`), at the point where
     it was solved: of all points that earlier levels and hard rows allow and at which its rows have the violation that they
-    have at x, the one with the least `||D_k x||`. Later levels then find its rows where x has them.
+    have at x, the one with the least `||D_k x - d_k||`. Later levels then find its rows where x has them.
 
     Args:
         problem: the problem that x answers.
@@ -277,14 +277,14 @@ class _Judge:
         lengths = np.concatenate((lengths, lengths))
         bounded = (lengths > 0.0) & np.isfinite(h)
         G, h = G[bounded] / lengths[bounded, None], h[bounded] / lengths[bounded]
-        D, x = damped.A[level.m :], self.x
+        D, d, x = damped.A[level.m :], damped.lower[level.m :], self.x
         undamped = remaining(D, Z, self.rank_tolerance)[1]
         if not undamped.shape[1]:
-            return _nearest_point(x, Z, G, h, D @ Z, D @ x)
+            return _nearest_point(x, Z, G, h, D @ Z, D @ x - d)
         # A move costs a little too, and the search goes on from where it came to, which leaves no bias; then least norm.
         B = np.concatenate((D @ Z, NEARLY_FREE * two_norm(D) * np.eye(Z.shape[1])))
         for _ in range(PROXIMAL_STEPS):
-            x = _nearest_point(x, Z, G, h, B, np.concatenate((D @ x, np.zeros(Z.shape[1]))))
+            x = _nearest_point(x, Z, G, h, B, np.concatenate((D @ x - d, np.zeros(Z.shape[1]))))
         return _nearest_point(x, undamped, G, h, np.eye(undamped.shape[1]), undamped.T @ x)
 
     def _bind(self, rows: _Rows, fixed: NDArray[np.bool_], level: Level) -> None:

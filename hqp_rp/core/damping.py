@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import ClassVar, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 from hqp_rp.core.errors import SettingError
 
@@ -98,28 +98,42 @@ class Truncation:
 
 @dataclasses.dataclass(frozen=True)
 class ErrorDamping:
-    """mu = factor * |e|^2 for a level of which x = 0 misses its rows by e: strong far from the target, none at it.
+    """mu ||x - zeta||^2, mu = factor * |e|^power, for a level of which x = 0 misses its rows by e: none at the target.
 
     A damping of one level (`Level(damping=...)`), not of a closed form, whose inverses know no error.
 
     Args:
-        factor: c >= 0, in the units of the rows' matrix squared over the units of its bounds squared.
+        factor: c >= 0, in the unit of the matrix squared over that of the bounds to the power.
+        power: 2, as mink and pink have it, or 1. What keeps a loop from chattering about a target out of reach grows like the
+            error itself, reach * dt / 2 times it, so with power 1 one factor serves near and far: see
+            docs/still_at_the_limit.md.
+        toward: "below": zeta is what the levels below ask for, the minimizer of sum_j ||A_j x - b_j||^2 + mu ||x||^2 over their
+            equality rows. Along a direction that the level hardly sees they then get what it does not need, in proportion;
+            towards "rest", zeta = 0 as in mink and pink, they must leave that direction alone, and where it turns from step to
+            step, as beside a stretched arm, they chatter around it.
 
     Source: Sugihara 2011, (21); the `lm_damping` of mink's and pink's tasks.
     """
 
     factor: float
+    power: int = 2
+    toward: Literal["below", "rest"] = "below"
     kind: ClassVar[int] = 4
 
     def __post_init__(self) -> None:
         _require("factor", self.factor, 0.0)
+        if self.power not in (1, 2):
+            raise SettingError(f"power is {self.power!r}; it must be 1 or 2.")
+        if self.toward not in ("below", "rest"):
+            raise SettingError(f"toward is {self.toward!r}; it must be 'below' or 'rest'.")
 
     @property
     def parameters(self) -> tuple[float, float]:
-        return (float(self.factor), 0.0)
+        return (float(self.factor), 2.0 * self.power + (self.toward == "rest"))
 
     def __repr__(self) -> str:
-        return f"error({self.factor:g})"
+        power = "" if self.power == 2 else f", power={self.power}"
+        return f"error({self.factor:g}{power})" if self.toward == "below" else f"error({self.factor:g}{power}, rest)"
 
 
 Damping: TypeAlias = NoDamping | ConstantDamping | VariableDamping | Truncation
@@ -127,8 +141,6 @@ Damping: TypeAlias = NoDamping | ConstantDamping | VariableDamping | Truncation
 
 LevelDamping: TypeAlias = NoDamping | ConstantDamping | VariableDamping | Truncation | ErrorDamping
 """Of one level of a problem; see `hqp_rp.core.level_damping`."""
-
-_KINDS: tuple[type[LevelDamping], ...] = (NoDamping, ConstantDamping, VariableDamping, Truncation, ErrorDamping)
 
 
 def checked_damping(damping: object) -> Damping:
@@ -157,11 +169,17 @@ def checked_level_damping(damping: object, what: str = "damping") -> LevelDampin
 
 def damping_of(kind: int, parameters: tuple[float, float]) -> LevelDamping | None:
     """The policy of this kind with these parameters, None for kind 0: the inverse of `kind` and `parameters`."""
-    if kind not in range(len(_KINDS)):
-        raise SettingError(f"damping of kind {kind!r}; kinds are 0 ... {len(_KINDS) - 1}.")
-    made = _KINDS[kind]
-    fields = dataclasses.fields(made)
-    return checked_level_damping(made(**{field.name: value for field, value in zip(fields, parameters, strict=False)}))
+    if kind not in range(ErrorDamping.kind + 1):
+        raise SettingError(f"damping of kind {kind!r}; kinds are 0 to {ErrorDamping.kind}.")
+    first, second = parameters
+    if kind == ErrorDamping.kind:
+        power, rest = divmod(int(second), 2)
+        return ErrorDamping(first, power, "rest" if rest else "below")
+    if kind == VariableDamping.kind:
+        return VariableDamping(first, second)
+    if kind == Truncation.kind:
+        return Truncation(first)
+    return ConstantDamping(first) if kind == ConstantDamping.kind else None
 
 
 def _require(name: str, value: float, least: float, *, strict: bool = False) -> None:

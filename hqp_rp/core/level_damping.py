@@ -2,12 +2,12 @@
 
 A level with damping minimizes, in the freedom that the levels before it and the hard rows leave,
 
-    ||v_k(x)||^2 + ||D_k x||^2
+    ||v_k(x)||^2 + ||D_k (x - zeta_k)||^2
 
-with v_k its violation and D_k from its policy:
+with v_k its violation, D_k from its policy, and zeta_k = 0 but for `ErrorDamping(toward="below")`:
 
     ConstantDamping(eta)            D_k = eta I
-    ErrorDamping(c)                 D_k = sqrt(c) ||v_k(0)|| I: mu = c |e|^2
+    ErrorDamping(c, power)          D_k = sqrt(mu) I, mu = c ||v_k(0)||^power; zeta_k is what the levels below ask for
     VariableDamping(delta, maximum) D_k = lambda_0 I by (18)-(19), of the smallest singular value of A_k N_k
     Truncation(threshold)           D_k = 1e3 ||A_k|| V^T, V the right singular vectors of A_k N_k at or below the threshold
 
@@ -18,8 +18,7 @@ much freedom as an undamped one, and no level below can undo it.
 
 What is kept, exactly: hard rows, the levels before, and a level that x = 0 meets or that its policy does not damp (no error, no
 small singular value). What is not: a damped level misses what it could meet, by mu / (sigma^2 + mu) of the error along a
-singular direction sigma. Where x = 0 minimizes ||v_k|| alone, as at rest on a target or as near to it as can be, damping
-changes nothing. On equalities alone, constant and variable damping are those of `null_space`, (14)-(19).
+singular direction sigma. On equalities alone, constant and variable damping are those of `null_space`, (14)-(19).
 
 Source: Nakamura and Hanafusa 1986 and Wampler 1986 for the damping; Escande, Mansard and Wieber 2014 for what levels keep.
 Damping single levels beside hard rows in this way is ours.
@@ -43,14 +42,25 @@ from hqp_rp.core.tolerances import RANK, REACHED, TRUNCATED
 Solve = Callable[[Problem, FloatArray | None], Solution]
 
 
-def damping_rows(problem: Problem) -> tuple[FloatArray, IntArray]:
-    """D (R, n), the rows D_k of all levels, and offsets (p + 1,); no rows for a level that its policy does not damp now."""
-    rows = [
-        np.zeros((0, problem.n)) if policy is None else _rows(problem, k, policy) for k, policy in _policies(problem)
-    ]
+class DampingRows(NamedTuple):
+    """Of all levels: D (R, n), d = D zeta (R,), offsets (p + 1,); no rows for a level that its policy does not damp now."""
+
+    D: FloatArray
+    d: FloatArray
+    offsets: IntArray
+
+
+def damping_rows(problem: Problem) -> DampingRows:
+    """The rows that the problem's policies put beside its levels."""
+    rows, rhs = [], []
+    for k, policy in _policies(problem):
+        D = np.zeros((0, problem.n)) if policy is None else _rows(problem, k, policy)
+        rows.append(D)
+        below = len(D) and isinstance(policy, ErrorDamping) and policy.toward == "below"
+        rhs.append(D @ _asked_below(problem, k, D) if below else np.zeros(len(D)))
     offsets = np.zeros(problem.p + 1, dtype=np.int64)
     np.cumsum([len(D) for D in rows], out=offsets[1:])
-    return np.ascontiguousarray(np.concatenate(rows)), offsets
+    return DampingRows(np.ascontiguousarray(np.concatenate(rows)), np.concatenate(rhs), offsets)
 
 
 def solve_damped(problem: Problem, secondary: FloatArray | None, solve: Solve) -> Solution:
@@ -140,12 +150,12 @@ class _Reached:
 
     def steps(self, solve: Solve) -> Iterator[tuple[int, Solution]]:
         """(k, the answer to the levels up to k, level k damped) for each damped level; these are then reached."""
-        D, starts = self.damped.damping_rows
+        D, d, starts = self.damped.damping_rows
         for k in range(self.damped.p):
-            own = D[starts[k] : starts[k + 1]]
-            if not len(own):
+            own = slice(int(starts[k]), int(starts[k + 1]))
+            if own.start == own.stop:
                 continue
-            found = solve(self.problem(k, own), None)
+            found = solve(self.problem(k, D[own], d[own]), None)
             if found.x is not None and found.status in (Status.SOLVED, Status.INACCURATE):
                 while self.done <= k:
                     self._reach(self.done, found.x)
@@ -154,14 +164,13 @@ class _Reached:
                 yield k, found
                 return
 
-    def problem(self, last: int | None = None, D: FloatArray | None = None) -> Problem:
-        """Without damping: the levels up to `last`, that one with D x = 0 as further rows; or all levels."""
+    def problem(self, last: int | None = None, D: FloatArray | None = None, d: FloatArray | None = None) -> Problem:
+        """Without damping: the levels up to `last`, that one with D x = d as further rows; or all levels."""
         rows = self.rows if last is None else self.rows[: last + 1]
         A = np.concatenate([part.A for part in rows])
         lower, upper = np.concatenate([part.lower for part in rows]), np.concatenate([part.upper for part in rows])
-        if D is not None:
-            zero = np.zeros(len(D))
-            A, lower, upper = np.concatenate((A, D)), np.concatenate((lower, zero)), np.concatenate((upper, zero))
+        if D is not None and d is not None:
+            A, lower, upper = np.concatenate((A, D)), np.concatenate((lower, d)), np.concatenate((upper, d))
         offsets = np.zeros(len(rows) + 1, dtype=np.int64)
         np.cumsum([len(part.A) for part in rows], out=offsets[1:])
         offsets[-1] = len(A)
@@ -211,14 +220,14 @@ class _Reached:
 
 
 def damped_level(problem: Problem, k: int) -> Level | None:
-    """The rows of level k with D_k x = 0 below them; None where the level is not damped."""
-    D, offsets = problem.damping_rows
-    own = D[offsets[k] : offsets[k + 1]]
-    if not len(own):
+    """The rows of level k with D_k x = d_k below them; None where the level is not damped."""
+    D, d, offsets = problem.damping_rows
+    own = slice(int(offsets[k]), int(offsets[k + 1]))
+    if own.start == own.stop:
         return None
-    level, zero = problem.levels[k], np.zeros(len(own))
-    bounds = np.concatenate((level.lower, zero)), np.concatenate((level.upper, zero))
-    return Level(np.concatenate((level.A, own)), *bounds, name=level.name)
+    level = problem.levels[k]
+    bounds = np.concatenate((level.lower, d[own])), np.concatenate((level.upper, d[own]))
+    return Level(np.concatenate((level.A, D[own])), *bounds, name=level.name)
 
 
 def _policies(problem: Problem) -> Iterator[tuple[int, LevelDamping | None]]:
@@ -231,7 +240,8 @@ def _rows(problem: Problem, k: int, policy: LevelDamping) -> FloatArray:
     if isinstance(policy, ConstantDamping):
         return _times_identity(policy.factor, problem.n)
     if isinstance(policy, ErrorDamping):
-        return _times_identity(np.sqrt(policy.factor) * norm(violation(level, np.zeros(problem.n))), problem.n)
+        error = norm(violation(level, np.zeros(problem.n)))
+        return _times_identity(np.sqrt(policy.factor * error**policy.power), problem.n)
     if not level.m:
         return np.zeros((0, problem.n))
     N = _freedom(problem, k)
@@ -246,6 +256,18 @@ def _rows(problem: Problem, k: int, policy: LevelDamping) -> FloatArray:
         small = (sigma <= policy.threshold) & (sigma > RANK * size)
         return TRUNCATED * size * (Vt[small] @ N.T)
     return np.zeros((0, problem.n))
+
+
+def _asked_below(problem: Problem, k: int, D: FloatArray) -> FloatArray:
+    """zeta_k (n,): what the equality rows of the levels below k ask for together, ||A_j x - b_j||^2 summed and ||D_k x||^2."""
+    matrix, lower, upper, offsets = problem.stacked
+    below = slice(int(offsets[k + 1]), len(matrix))
+    equality = lower[below] == upper[below]
+    A, b = matrix[below][equality], lower[below][equality]
+    if not len(A):
+        return np.zeros(problem.n)
+    found = np.linalg.lstsq(np.concatenate((A, D)), np.concatenate((b, np.zeros(len(D)))), rcond=None)[0]
+    return np.asarray(found, dtype=np.float64)
 
 
 def _freedom(problem: Problem, k: int) -> FloatArray:

@@ -38,7 +38,7 @@ class Problem(_native.Problem):
 
     where `v_k(x)` is the violation of `lower_k <= A_k x <= upper_k` (for an equality, `A_k x - b_k`). The last term
     makes the answer unique: among all lexicographic optima, the one of least norm. A level with damping minimizes
-    `||v_k(x)||^2 + ||D_k x||^2` instead, and the levels after it keep what its rows reached; see
+    `||v_k(x)||^2 + ||D_k x - d_k||^2` instead, and the levels after it keep what its rows reached; see
     `hqp_rp.core.level_damping`.
 
     Args:
@@ -209,8 +209,8 @@ class Problem(_native.Problem):
         return self._once("levels", lambda: tuple(self._views()))
 
     @property
-    def damping_rows(self) -> tuple[FloatArray, IntArray]:
-        """D (R, n) and offsets (p + 1,): level k minimizes `||v_k(x)||^2 + ||D_k x||^2`; not to be written to."""
+    def damping_rows(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """D (R, n), d (R,), offsets (p + 1,): level k minimizes `||v_k(x)||^2 + ||D_k x - d_k||^2`; not to be written to."""
         from hqp_rp.core.level_damping import damping_rows
 
         return self._once("damping_rows", lambda: damping_rows(self))

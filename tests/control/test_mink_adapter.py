@@ -175,6 +175,23 @@ def test_refusals():
         Stack([task]).problem(random_chain(rng), DT)
 
 
-def test_levenberg_marquardt_damping_is_not_dropped_silently():
-    with pytest.warns(UserWarning, match=r"FrameTask has lm_damping=0.5, which has no place in a prioritized problem"):
-        Stack([mink.FrameTask("tool", "body", 1.0, 1.0, lm_damping=0.5)])
+def test_levenberg_marquardt_damping_is_minks_own(setting):
+    """All tasks in one level: mink's answer with its lm_damping, which may change from step to step."""
+    rng, robot, configuration = setting
+    frame = frame_task(robot, rng, position_cost=[1.0, 2.0, 0.5], orientation_cost=0.3, lm_damping=0.3)
+    frame.gain = 0.4
+    posture = mink.PostureTask(robot.model, cost=np.linspace(0.1, 0.5, robot.nv), gain=0.8, lm_damping=0.1)
+    posture.set_target(rng.normal(size=robot.nq))
+    stack = Stack([[frame, posture]])
+    for lm_damping in (0.3, 0.0, 2.0):
+        frame.lm_damping = lm_damping
+        theirs = mink.solve_ik(configuration, [frame, posture], DT, "quadprog", damping=0.0, limits=[])
+        for solver in ("null_space", "hierarchical_active_set", "qp_cascade"):
+            ours = hqp_rp.solve(stack.problem(robot, DT), solver)
+            assert ours.status.ok
+            np.testing.assert_allclose(ours.x, theirs, rtol=1e-6, atol=1e-9)
+    # Damping of the level takes its place.
+    problem = Stack([[frame, posture]], damping=hqp_rp.ConstantDamping(0.2)).problem(robot, DT)
+    assert problem.damping == (hqp_rp.ConstantDamping(0.2),)
+    with pytest.raises(SettingError, match="has damped levels, which a batch cannot hold"):
+        stack.batch(robot, robot.neutral[None], DT)

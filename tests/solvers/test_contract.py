@@ -8,7 +8,7 @@ import pytest
 
 import hqp_rp
 from hqp_rp import ConstantDamping, Level, Problem, Solver, Status, Truncation, VariableDamping, certify, get_solver
-from tests.problems import EQUALITY_CASES, boxed, independent, near_singular, two_sided
+from tests.problems import EQUALITY_CASES, boxed, damped, independent, near_singular, two_sided
 
 VARIANTS = {
     "null_space": [{"variant": "projector"}, {"damping": ConstantDamping(0.1)}, {"damping": Truncation(0.1)}],
@@ -45,6 +45,9 @@ PROBLEMS = {
     "two-sided": two_sided(1),
     "two-sided in a box": two_sided(1, box=0.2),
     "equalities in a box": boxed(independent(1), 0.3),
+    "damped levels": damped(independent(1, rows=(3, 3, 2)), 0),
+    "damped two-sided levels in a box": damped(two_sided(1, box=0.2), 1),
+    "damped near-singular in a box": damped(boxed(near_singular(1e-6, 1, rows=(3, 3, 7)), 0.3), 2),
     "empty hard rows": Problem(independent(1).levels, hard=Level(np.zeros((0, 7)), -1.0, 1.0)),
 }
 

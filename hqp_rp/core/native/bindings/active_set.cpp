@@ -50,9 +50,9 @@ class ActiveSet {
     nb::object damping;  // holds the rows while they are read
     if (!nb::inst_ptr<ProblemObject>(problem)->damping.is_none()) {
       damping = problem.attr("damping_rows");
-      nb::object D = damping[0], offsets = damping[1];
-      call.damped = {required<double>(D, 2, "damping rows"), required<std::int64_t>(offsets, 1, "their offsets")};
-      if (length_of(offsets.ptr()) != view.levels + 1 || length_of(D.ptr(), 1) != n || call.damped.offsets[0] != 0 ||
+      nb::object D = damping[0], d = damping[1], offsets = damping[2];
+      call.damped = {required<double>(D, 2, "damping rows"), required<double>(d, 1, "their right-hand sides"), required<std::int64_t>(offsets, 1, "their offsets")};
+      if (length_of(offsets.ptr()) != view.levels + 1 || length_of(D.ptr(), 1) != n || call.damped.offsets[0] != 0 || length_of(d.ptr()) != length_of(D.ptr()) ||
           call.damped.offsets[view.levels] != length_of(D.ptr()))
         throw nb::value_error("The damping rows do not fit the problem.");
     }

@@ -11,7 +11,7 @@
 // moves until the working set allows it. Where that does not end, the primal search takes over from the last point that kept every
 // bound: it moves until a row blocks, one row at a time, and cannot cycle (Bland's rule).
 //
-// A level with damping rows D is searched twice: first with D x = 0 beside its own rows, which nothing later keeps; then with its own rows
+// A level with damping rows D is searched twice: first with D x = d beside its own rows, which nothing later keeps; then with its own rows
 // alone, equalities and violated rows asking for exactly the value that they have there.
 //
 // Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. The level-by-level search with fresh factorizations,
@@ -146,8 +146,9 @@ class ActiveSetSearch {
     std::copy(problem_.matrix + r0 * n_, problem_.matrix + (r0 + m) * n_, rows);
     std::copy(damped_.rows + damped_.offsets[k] * n_, damped_.rows + damped_.offsets[k + 1] * n_, rows + static_cast<std::ptrdiff_t>(m) * n_);
     for (int i = 0; i < m + r; ++i) {
-      low[i] = i < m ? problem_.lower[r0 + i] : 0.0;
-      up[i] = i < m ? problem_.upper[r0 + i] : 0.0;
+      const double d = i < m ? 0.0 : damped_.rhs[damped_.offsets[k] + i - m];
+      low[i] = i < m ? problem_.lower[r0 + i] : d;
+      up[i] = i < m ? problem_.upper[r0 + i] : d;
       if (guess) guess[i] = i < m ? guesses[i] : 0;
     }
     return rows_.load(offsets_[level], m + r, rows, m + r, low, up, guess);

@@ -29,10 +29,11 @@ inline std::size_t room(const Problem& problem, int matrices) {
   return sizeof(double) * matrices * (rows * (n + 24) + 16 * static_cast<std::size_t>(problem.levels) + 64);
 }
 
-// Rows D_k beside those of level k, which then minimizes ||v_k||^2 + ||D_k x||^2; later levels keep what the level's own rows reached.
+// Rows D_k beside those of level k, which then minimizes ||v_k||^2 + ||D_k x - d_k||^2; later levels keep what the level's own rows reached.
 // Nothing for a level without such rows, or where `offsets` is null.
 struct Damped {
   const double* rows = nullptr;           // (R, unknowns)
+  const double* rhs = nullptr;            // (R,)
   const std::int64_t* offsets = nullptr;  // (levels + 1,)
   int of(int k) const { return offsets ? static_cast<int>(offsets[k + 1] - offsets[k]) : 0; }
 };
