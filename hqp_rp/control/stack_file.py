@@ -45,11 +45,11 @@ LIMITS = {
 
 _TOP = ("dt", "level", "limit")
 _LEVEL = ("name", "damping", "task", "limit")
-_DAMPING = {
-    "constant": (ConstantDamping, 1),
-    "error": (ErrorDamping, 1),
-    "variable": (VariableDamping, 2),
-    "truncation": (Truncation, 1),
+_DAMPING: dict[str, Any] = {
+    "constant": ConstantDamping,
+    "error": ErrorDamping,
+    "variable": VariableDamping,
+    "truncation": Truncation,
 }
 
 
@@ -264,20 +264,24 @@ def _dt(content: Mapping[str, Any], origin: str) -> float | None:
 
 
 def _damping(value: Any, what: str) -> LevelDamping | None:
-    """`{ error = 0.1 }`, `{ constant = 0.05 }`, `{ variable = [delta, maximum] }`, `{ truncation = 0.01 }`, or nothing."""
+    """`{ error = 0.1, power = 1 }`, `{ constant = 0.05 }`, `{ variable = [delta, maximum] }`, `{ truncation = 0.01 }`, or nothing."""
     if value is None:
         return None
-    if not isinstance(value, dict) or len(value) != 1 or next(iter(value)) not in _DAMPING:
-        raise SettingError(
-            f"{what} is {value!r}; give one of {', '.join(_DAMPING)}, such as damping = {{ error = 0.1 }}."
-        )
-    ((kind, given),) = value.items()
-    made, count = _DAMPING[kind]
-    numbers = given if isinstance(given, list) else [given]
-    if len(numbers) != count or any(isinstance(number, bool) for number in numbers):
-        raise SettingError(f"{what}: {kind} is {given!r}; it takes {count} number{'s' if count > 1 else ''}.")
+    kinds = [kind for kind in value if kind in _DAMPING] if isinstance(value, dict) else []
+    if len(kinds) != 1:
+        raise SettingError(f"{what} is {value!r}; give one of {', '.join(_DAMPING)}, such as damping = {{ error = 0.1 }}.")
+    ((kind,), made) = kinds, _DAMPING[kinds[0]]
+    fields = [field.name for field in dataclasses.fields(made)]
+    needed = [field.name for field in dataclasses.fields(made) if field.default is dataclasses.MISSING]
+    numbers = value[kind] if isinstance(value[kind], list) else [value[kind]]
+    rest = {key: given for key, given in value.items() if key != kind}
+    for key in rest:
+        if key not in fields[len(needed) :]:
+            raise SettingError(f"{what}: {kind} takes no {key!r}.")
+    if len(numbers) != len(needed) or any(isinstance(number, bool) for number in numbers):
+        raise SettingError(f"{what}: {kind} is {value[kind]!r}; it takes {len(needed)} numbers.")
     try:
-        policy: LevelDamping = made(*numbers)
+        policy: LevelDamping = made(*numbers, **rest)
     except HqpError as error:
         raise _told(error, what) from None
     return policy

@@ -1,3 +1,5 @@
+#include <utility>
+
 #include "objects.hpp"
 
 namespace hqp::python {

@@ -1,3 +1,8 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
 #include "hqp_rp/tolerances.hpp"
 #include "objects.hpp"
 

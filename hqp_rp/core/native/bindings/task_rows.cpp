@@ -1,3 +1,5 @@
+#include <utility>
+
 #include "hqp_rp/kinematics.hpp"
 #include "hqp_rp/task_rows.hpp"
 #include "objects.hpp"

@@ -18,6 +18,9 @@
 // guess and block pivots is ours.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "hqp_rp/least_squares.hpp"
 #include "hqp_rp/working_set_guess.hpp"
 

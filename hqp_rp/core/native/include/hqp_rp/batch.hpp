@@ -5,6 +5,9 @@
 // finite or of unusual size, is left to the one-by-one form: answers obey the same rank rule.
 #pragma once
 
+#include <cmath>
+#include <limits>
+
 #include "hqp_rp/lq.hpp"
 #include "hqp_rp/problem.hpp"
 

@@ -1,6 +1,8 @@
 // Least squares with the factor of a level: its triangle, its tall part, or its singular values where they decide.
 #pragma once
 
+#include <algorithm>
+
 #include "hqp_rp/lq.hpp"
 #include "hqp_rp/svd.hpp"
 

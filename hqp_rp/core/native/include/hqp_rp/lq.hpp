@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "hqp_rp/householder.hpp"
 #include "hqp_rp/tolerances.hpp"

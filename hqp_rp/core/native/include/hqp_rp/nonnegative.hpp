@@ -1,6 +1,7 @@
 // Least squares with non-negative unknowns, small and dense: multipliers of the right sign.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "hqp_rp/least_squares.hpp"

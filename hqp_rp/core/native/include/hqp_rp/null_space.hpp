@@ -6,6 +6,8 @@
 // Source: the paper, (9)-(11); Siciliano and Slotine 1991; Escande, Mansard and Wieber 2014 for the factorization.
 #pragma once
 
+#include <algorithm>
+
 #include "hqp_rp/least_squares.hpp"
 #include "hqp_rp/load.hpp"
 #include "hqp_rp/problem.hpp"

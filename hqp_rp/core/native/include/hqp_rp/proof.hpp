@@ -6,6 +6,9 @@
 // rows of judged levels (held), the rows of levels to come and, at last, x - zeta.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "hqp_rp/load.hpp"
 #include "hqp_rp/nonnegative.hpp"
 #include "hqp_rp/problem.hpp"

@@ -11,6 +11,10 @@
 // Source: Kanoun, Lamiraux and Wieber 2011; Escande, Mansard and Wieber 2014 for the basis and the slacks.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 #include "hqp_rp/load.hpp"
 #include "hqp_rp/qp_polish.hpp"
 #include "hqp_rp/qp_stages.hpp"

@@ -1,6 +1,10 @@
 // A QP's answer refined on its active rows: the least squares that the back end's choice of active rows stands for, solved exactly.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 #include "hqp_rp/least_squares.hpp"
 
 namespace hqp {

@@ -14,6 +14,11 @@
 // Source: the paper, (20)-(29); Flacco and De Luca 2014. The factorizations are ours.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
 #include "hqp_rp/least_squares.hpp"
 #include "hqp_rp/load.hpp"
 #include "hqp_rp/problem.hpp"

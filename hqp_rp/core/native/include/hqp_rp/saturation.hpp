@@ -10,7 +10,10 @@
 // Source: Flacco, De Luca and Khatib 2012, 2015.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "hqp_rp/least_squares.hpp"
 #include "hqp_rp/kernels.hpp"

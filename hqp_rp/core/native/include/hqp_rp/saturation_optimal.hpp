@@ -11,6 +11,11 @@
 //     ratio of multipliers; where there is none, no point of the box goes any further.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
 #include "hqp_rp/saturation.hpp"
 
 namespace hqp {

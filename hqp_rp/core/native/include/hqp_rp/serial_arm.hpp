@@ -1,6 +1,8 @@
 // Kinematics of a serial arm from its Denavit-Hartenberg rows, on eight configurations side by side.
 #pragma once
 
+#include <cmath>
+
 #include "hqp_rp/batch.hpp"
 #include "hqp_rp/kernels.hpp"
 

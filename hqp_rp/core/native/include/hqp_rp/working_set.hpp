@@ -1,6 +1,7 @@
 // The rows of an active-set search: their values, bounds and states, and how far a step may go.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 

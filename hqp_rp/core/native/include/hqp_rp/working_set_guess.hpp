@@ -9,6 +9,9 @@
 // Source: Goldfarb and Idnani 1983; Arnstroem, Bemporad and Axehill 2022 (the dual in Gram form).
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "hqp_rp/working_set.hpp"
 
 namespace hqp {
