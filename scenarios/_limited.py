@@ -74,6 +74,7 @@ class Limited(Scenario):
         "velocity limit violation [rad/s]": largest max(|x| - V, 0), as asked for, before the servos clip it;
         "acceleration limit violation [rad/s^2]": largest max(|w - u'| / dt - A, 0), w the clipped command;
         "commanded speed [rad/s]": ||x||, 0 without an x;
+        "velocity change [rad/s]": largest |w - u'| of a joint from one period to the next;
         "smallest distance [m]" and "distance violation [m]", max(margin - distance, 0), where distances are watched;
         and the errors of the levels at the end of the period.
 
@@ -172,6 +173,7 @@ def _violations(scene: Scene, x: FloatArray, command: FloatArray, before: FloatA
         "velocity limit violation [rad/s]": _most(np.abs(x) - scene.speed),
         "acceleration limit violation [rad/s^2]": _most(change - scene.acceleration),
         "commanded speed [rad/s]": norm(x),
+        "velocity change [rad/s]": _most(np.abs(command - before)),
     }
     if scene.distance is not None:
         distance = scene.distance()

@@ -9,7 +9,7 @@ import polars as pl
 
 from hqp_rp.compare.chart import Chart, Dots, Lines
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.limits_study import COUNTS, LimitCase, quantities
+from hqp_rp.compare.limits_study import CHANGE, COUNTS, LimitCase, quantities
 from hqp_rp.compare.panels import (
     ERROR_FLOOR,
     VIOLATION_FLOOR,
@@ -114,7 +114,7 @@ def _over_time(
 def _errors(case: LimitCase, contestants: Sequence[Contestant], measured: pl.DataFrame) -> Lines:
     """The task errors of the levels and the commanded speed over time."""
     _, errors = quantities(measured)
-    shown = [*errors, *(name for name in ("commanded speed [rad/s]",) if (measured["quantity"] == name).any())]
+    shown = [*errors, *(name for name in ("commanded speed [rad/s]", CHANGE) if (measured["quantity"] == name).any())]
     tables = [_quantity(measured, name) for name in shown]
     return grid(
         case.case.scenario,
@@ -123,7 +123,7 @@ def _errors(case: LimitCase, contestants: Sequence[Contestant], measured: pl.Dat
         kind="errors-over-time",
         title="What each level misses its reference by",
         caption="The first seed, most important task first; the speed is the norm of what the solver asks for, 0 where it "
-        f"has no answer. {_OVERLAP}",
+        f"has no answer; the velocity change is that of the joint that changes most in a step. {_OVERLAP}",
         x_label=case.case.scenario.abscissa,
         rows=[broken(name) for name in shown],
         panels=[curves(table, contestants) for table in tables],

@@ -23,6 +23,9 @@ from hqp_rp.scenarios.scenario import Scenario
 COUNTS = 1e-6
 """A violation counts when it exceeds this, in its unit: below it is what tolerances and rounding leave."""
 
+CHANGE = "velocity change [rad/s]"
+"""What a scenario calls the change of the joint velocities from one step to the next."""
+
 _VIOLATION = re.compile(r"(?P<kind>.+?)(?: limit)? violation(?P<part> added| left)? \[(?P<unit>.+)\]")
 _ERROR = re.compile(r"(?P<name>.+) error \[(?P<unit>.+)\]")
 
@@ -101,6 +104,8 @@ class LimitOutcome:
         statuses: status -> share of its steps, the ones that occurred.
         violations, errors: one for each that the scenario measures; empty for a contestant that refused.
         denied: one for each level.
+        changes: (median, 99th percentile, largest) of the joint velocities' change from one step to the next, rad/s, over all
+            steps and seeds; None where the scenario does not measure it.
         outside: how many of the seeds started outside a limit; back: s until the last of them was within its limits again,
             None where one never was.
     """
@@ -112,6 +117,7 @@ class LimitOutcome:
     denied: tuple[Denied, ...]
     outside: int
     back: float | None
+    changes: tuple[float, float, float] | None = None
 
     @property
     def label(self) -> str:
@@ -228,7 +234,16 @@ def _outcome(
         denied=tuple(_denied(name, k, outcome, levels) for k, name in enumerate(case.levels, start=1)),
         outside=outside,
         back=back,
+        changes=_changes(measured),
     )
+
+
+def _changes(measured: pl.DataFrame) -> tuple[float, float, float] | None:
+    values = measured.filter(pl.col("quantity") == CHANGE)["value"].drop_nulls().to_numpy()
+    if not len(values):
+        return None
+    median, most = np.percentile(values, [50.0, 99.0])
+    return float(median), float(most), float(values.max())
 
 
 def _violation(quantity: str, measured: pl.DataFrame, period: float) -> Violation:

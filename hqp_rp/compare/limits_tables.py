@@ -66,8 +66,15 @@ def _ended(outcome: LimitOutcome) -> str:
 
 def _errors(case: LimitCase) -> Table:
     header = ("solver", *(f"{error.name} [{error.unit}]" for error in case.answered[0].errors))
+    shaken = all(outcome.changes is not None for outcome in case.answered)
+    if shaken:
+        header += ("velocity change in a step [rad/s]",)
     rows = tuple(
-        (outcome.label, *(f"{number(e.rms)} / {number(e.peak)} / {number(e.end)}" for e in outcome.errors))
+        (
+            outcome.label,
+            *(f"{number(e.rms)} / {number(e.peak)} / {number(e.end)}" for e in outcome.errors),
+            *([" / ".join(number(change) for change in outcome.changes)] if shaken and outcome.changes else []),
+        )
         for outcome in case.answered
     )
     return Table(
@@ -75,7 +82,13 @@ def _errors(case: LimitCase) -> Table:
         header,
         rows,
         "Error of each level's task: root mean square over the run / largest / at the end, over all seeds. The most important "
-        "task stands first. Measured from outside, on the motion that each solver made.",
+        "task stands first. Measured from outside, on the motion that each solver made."
+        + (
+            " Velocity change: of the joint that changes most from one step to the next, median / 99th percentile / largest "
+            "of all steps."
+            if shaken
+            else ""
+        ),
     )
 
 

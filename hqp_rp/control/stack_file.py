@@ -264,12 +264,14 @@ def _dt(content: Mapping[str, Any], origin: str) -> float | None:
 
 
 def _damping(value: Any, what: str) -> LevelDamping | None:
-    """`{ error = 0.1, power = 1 }`, `{ constant = 0.05 }`, `{ variable = [delta, maximum] }`, `{ truncation = 0.01 }`, or nothing."""
+    """`{ error = 0.1, power = 1 }`, `{ constant = 0.05 }`, `{ variable = [delta, maximum] }`, `{ truncation = 0.01 }`."""
     if value is None:
         return None
     kinds = [kind for kind in value if kind in _DAMPING] if isinstance(value, dict) else []
     if len(kinds) != 1:
-        raise SettingError(f"{what} is {value!r}; give one of {', '.join(_DAMPING)}, such as damping = {{ error = 0.1 }}.")
+        raise SettingError(
+            f"{what} is {value!r}; give one of {', '.join(_DAMPING)}, such as damping = {{ error = 0.1 }}."
+        )
     ((kind,), made) = kinds, _DAMPING[kinds[0]]
     fields = [field.name for field in dataclasses.fields(made)]
     needed = [field.name for field in dataclasses.fields(made) if field.default is dataclasses.MISSING]

@@ -30,8 +30,8 @@ template <class Function>
 HQP_INLINE auto with_width(int n, Function function) {
 #ifndef HQP_ANY_WIDTH
   if (n <= lanes) return function(Width<lanes>{});
-#endif
   if (n <= 2 * lanes) return function(Width<2 * lanes>{});
+#endif
   return function(padded(n));
 }
 
