@@ -29,15 +29,15 @@ class InAndOutOfReach(Limited):
     Three cases, on the same motion::
 
         "hard limits"            `JointLimit` is hard, no level is damped: the exact answer of each step
-        "hard limits, damped"    the same with `ErrorDamping(factor, power=1)` at every level but the posture
+        "hard limits, damped"    the same with `ErrorDamping(factor, power=1)` at level 1, `second_factor` at level 2
         "no limits"              the levels alone, not damped: what closed forms take
 
     Solvers that know no damping of single levels refuse the second case. Seed 0 goes along (1, 0, 0.3); every other seed draws
     that direction (normal, standard deviation 0.3 of each part).
 
     Args:
-        distance: m, > 0. factor: of the damping, m s, >= 0. gain: 1/s, of both tool tasks; posture_gain: 1/s. Each >= 0 and
-            gain * period <= 1.
+        distance: m, > 0. factor, second_factor: of the damping, m s and s, >= 0.
+        gain: 1/s, of both tool tasks; posture_gain: 1/s. Each >= 0 and gain * period <= 1.
 
     See `Limited` for what is measured. Errors: "tool position error [m]", "tool orientation error [rad]",
     "posture error [rad]", norms.
@@ -48,26 +48,28 @@ class InAndOutOfReach(Limited):
 
     name: ClassVar[str] = "in_and_out_of_reach"
     question: ClassVar[str] = (
-        "When a target leaves the workspace and comes back, who follows it as far as can be without shaking, and at what price?"
+        "When a target leaves the workspace and comes back, who follows it as far as can be without shaking, at what price?"
     )
     cannot_tell: ClassVar[tuple[str, ...]] = (
         *IDEAL_ROBOT,
-        "One arm, one kind of path, one damping: a factor of reach times period or more stops the shaking, and what it costs "
-        "grows with its square.",
+        "One arm, one kind of path, one damping of each level, found by trying: reach times period at level 1, ten times that "
+        "at level 2. Less shakes, more costs distance, with its square.",
         "An ideal robot follows a shaking command; a real one does not, and wears.",
     )
 
     distance: float = 0.6
     factor: float = 0.01
+    second_factor: float = 0.1
     gain: float = 4.0
     posture_gain: float = 1.0
-    duration: float = 8.0
+    duration: float = 6.0
     period: float = 0.01
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.require("distance", lambda value: value > 0.0, "> 0")
-        self.require("factor", lambda value: value >= 0.0, ">= 0")
+        for name in ("factor", "second_factor"):
+            self.require(name, lambda value: value >= 0.0, ">= 0")
         top = 1.0 / self.period
         for name in ("gain", "posture_gain"):
             self.require(name, lambda value: 0.0 <= value <= top, f"in [0, 1 / period] = [0, {top:g}]")
@@ -86,7 +88,7 @@ class InAndOutOfReach(Limited):
         orientation = OrientationTask("tool", rotation, gain=self.gain, name="tool orientation")
         posture = PostureTask(robot.neutral, gain=self.posture_gain)
         levels, box = [position, orientation, posture], [JointLimit()]
-        damping = ErrorDamping(self.factor, power=1)
+        damping = [ErrorDamping(self.factor, power=1), ErrorDamping(self.second_factor, power=1), None]
 
         def refer(time: float) -> None:
             s, rate = out_and_back(time, self.duration)
@@ -98,7 +100,7 @@ class InAndOutOfReach(Limited):
             start=robot.neutral.copy(),
             stacks={
                 _EXACT: Stack(levels, box),
-                _DAMPED: Stack(levels, box, damping=[damping, damping, None]),
+                _DAMPED: Stack(levels, box, damping=damping),
                 _NONE: Stack(levels),
             },
             refer=refer,

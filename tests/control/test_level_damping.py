@@ -177,7 +177,7 @@ def test_a_humanoid_leans_for_something_too_far() -> None:
     robot.update(robot.neutral)
     feet = [PoseTask(f"{side}_sole", robot.pose(f"{side}_sole"), gain=5.0) for side in ("left", "right")]
     hand = "right_hand"
-    target = robot.pose(hand)[1] + [0.6, 0.0, 0.0]
+    target = robot.pose(hand)[1] + [1.0, 0.0, 0.0]
     tasks = [
         feet,
         CenterOfMassTask(robot.center_of_mass(), gain=5.0),
