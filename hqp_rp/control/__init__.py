@@ -10,9 +10,11 @@ from hqp_rp.control.half_space_limit import HalfSpaceLimit
 from hqp_rp.control.hybrid import HybridReference
 from hqp_rp.control.impedance import ImpedanceReference
 from hqp_rp.control.interaction_controller import Command, InteractionController, Mode
+from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.joint_limit_potential import JointLimitPotential
 from hqp_rp.control.limit import Limit, VelocityLimit
+from hqp_rp.control.locked_joints import LockedJoints
 from hqp_rp.control.orientation_task import OrientationTask
 from hqp_rp.control.pointing_task import PointingTask
 from hqp_rp.control.pose_task import PoseTask
@@ -37,9 +39,11 @@ __all__ = [
     "HybridReference",
     "ImpedanceReference",
     "InteractionController",
+    "JointCoupling",
     "JointLimit",
     "JointLimitPotential",
     "Limit",
+    "LockedJoints",
     "Mode",
     "OrientationTask",
     "PointingTask",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fnmatch
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from typing import TypeAlias
@@ -164,18 +166,11 @@ def check_frames(robot: Robot, frames: Iterable[str], owner: str) -> None:
 
 
 def joint_indices(robot: Robot, joints: Iterable[str | int], owner: str) -> NDArray[np.int64]:
-    """Velocity indices of joints given by name or by velocity index."""
+    """Velocity indices of joints given by name, by a pattern of names such as "left_*", or by velocity index."""
     found: list[int] = []
     for joint in joints:
         if isinstance(joint, str):
-            if joint not in robot.joint_names:
-                raise RobotError(f"{owner}: {unknown_name('joint', joint, robot.joint_names)}")
-            if len(robot.joint_names) != robot.nv:
-                raise RobotError(
-                    f"{owner}: this robot has joints of several degrees of freedom ({len(robot.joint_names)} joints, "
-                    f"{robot.nv} velocities), so the name {joint!r} has no single index; give velocity indices."
-                )
-            found.append(robot.joint_names.index(joint))
+            found.extend(_named(robot, joint, owner))
         elif 0 <= joint < robot.nv:
             found.append(int(joint))
         else:
@@ -183,6 +178,36 @@ def joint_indices(robot: Robot, joints: Iterable[str | int], owner: str) -> NDAr
     if len(set(found)) < len(found):
         raise RobotError(f"{owner}: a joint is given twice in {list(joints)!r}; give each joint once.")
     return np.array(found, dtype=np.int64)
+
+
+def is_pattern(joint: object) -> bool:
+    """Whether this is a pattern of joint names: shell wildcards *, ?, [...]."""
+    return isinstance(joint, str) and any(sign in joint for sign in "*?[")
+
+
+def _named(robot: Robot, joint: str, owner: str) -> list[int]:
+    """Velocity indices of the hinges and slides of that name or pattern."""
+    names = robot.joint_names
+    widths = getattr(robot, "joint_widths", (1,) * len(names))
+    starts = [0, *itertools.accumulate(widths)]
+    if starts[-1] != robot.nv:
+        raise RobotError(
+            f"{owner}: this robot does not say which velocities the joint {joint!r} has (joint_widths); give velocity indices."
+        )
+    if joint not in names and is_pattern(joint):
+        matching = [i for i, name in enumerate(names) if widths[i] == 1 and fnmatch.fnmatchcase(name, joint)]
+        if not matching:
+            raise RobotError(f"{owner}: no hinge or slide matches {joint!r}; the joints are {', '.join(names)}.")
+        return [starts[i] for i in matching]
+    if joint not in names:
+        raise RobotError(f"{owner}: {unknown_name('joint', joint, names)}")
+    i = names.index(joint)
+    if widths[i] != 1:
+        raise RobotError(
+            f"{owner}: the joint {joint!r} has {widths[i]} velocities, so its name has no single index; give velocity indices "
+            f"{starts[i]} to {starts[i + 1] - 1}."
+        )
+    return [starts[i]]
 
 
 def _refuse_not_finite(array: FloatArray, what: str) -> None:

@@ -90,6 +90,12 @@ class JointLimit(NativeLimit):
     def _layout(self, robot: Robot) -> Layout:
         coordinates = [-1] * robot.nv
         if self._position:
+            balls = getattr(robot, "limited_balls", ())
+            if balls:
+                raise RobotError(
+                    f"limit {self._name!r}: the ball joint {balls[0]!r} has a range, which no box on velocities holds; give "
+                    "position=False and limit the other joints' positions some other way, or take the range out of the model."
+                )
             index = coordinate_index(robot, f"limit {self._name!r}")
             coordinates = list(range(robot.nv)) if index is None else index.tolist()
         return Layout(BOX, robot.nv, coordinates, accelerated=self._acceleration is not None)

@@ -8,7 +8,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import joint_indices, real_array
+from hqp_rp.control._checks import is_pattern, joint_indices, real_array
 from hqp_rp.control._native_rows import Layout, NativeLimit
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray
@@ -46,8 +46,8 @@ class VelocityLimit(NativeLimit):
     """`-limit <= v <= limit` for every velocity.
 
     Args:
-        limit: rad/s or m/s, > 0: one number, (nv,) numbers (infinite for none), a mapping from joint name to number (the
-            robot's own limit for the others), or None for the robot's own limits.
+        limit: rad/s or m/s, > 0: one number, (nv,) numbers (infinite for none), a mapping from joint name or pattern
+            ("left_*") to number (the robot's own limit for the others), or None for the robot's own limits.
         name: default "joint velocity".
 
     Raises:
@@ -102,7 +102,9 @@ def per_joint(value: FloatArray | dict[str, float] | None, default: FloatArray, 
         return np.array(default, dtype=np.float64)
     if isinstance(value, dict):
         result = np.array(default, dtype=np.float64)
-        result[joint_indices(robot, value, owner)] = list(value.values())
+        # A name outweighs a pattern that it matches too.
+        for joint, number in sorted(value.items(), key=lambda item: not is_pattern(item[0])):
+            result[joint_indices(robot, [joint], owner)] = number
         return result
     if value.ndim and len(value) != robot.nv:
         raise RobotError(f"{owner}: {len(value)} numbers are given; the robot has nv = {robot.nv} velocities.")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import joint_indices, real_array
+from hqp_rp.control._checks import is_pattern, joint_indices, real_array
 from hqp_rp.control._coordinates import plain_coordinates
 from hqp_rp.control._native_rows import Layout
 from hqp_rp.control.task import FeedbackTask
@@ -25,7 +25,7 @@ class PostureTask(FeedbackTask):
 
     Args:
         target: (nq,) q* of the whole robot, rad or m, also when only some joints are chosen.
-        joints: names or velocity indices of the joints to bring there; None means all.
+        joints: names, patterns of names ("left_*") or velocity indices of the joints to bring there; None means all.
         gain: 1/s, >= 0: one number, or one for each chosen joint (for all joints, one for each velocity).
         feedforward: velocity of the target, rad/s or m/s, one number for each row; None means 0.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
@@ -57,7 +57,10 @@ class PostureTask(FeedbackTask):
             raise SettingError(f"joints is {joints!r}; give a sequence of joint names or velocity indices, or None.")
         self._joints = None if joints is None else tuple(joints)
         # How many velocities "all joints" means is known from the robot only.
-        super().__init__(None if self._joints is None else len(self._joints), name or "posture", gain, weight)
+        unknown = self._joints is None or any(is_pattern(joint) for joint in self._joints)
+        super().__init__(
+            None if unknown or self._joints is None else len(self._joints), name or "posture", gain, weight
+        )
         self.target = target
         self.feedforward = feedforward
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control._stack_rows import LIMIT, MINK_TASK, TASK, StackRows
+from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
@@ -267,10 +269,34 @@ class Stack:
             )
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
+        self._warn_of_couplings(robot)
         two_sided = self._two_sided or bool(self._hard)
         self._rows = rows = StackRows((*self._hard, *self._items), robot, two_sided, self._where)
         self._count(rows)
         return rows
+
+    def _warn_of_couplings(self, robot: Robot) -> None:
+        """What the model says of its joints and no item holds is said once."""
+        couplings = getattr(robot, "couplings", ())
+        if couplings and not any(isinstance(item, JointCoupling) for _, item in (*self._hard, *self._items)):
+            names = ", ".join(repr(coupling.joint) for coupling in couplings[:5]) + (
+                ", ..." if len(couplings) > 5 else ""
+            )
+            warnings.warn(
+                f"The robot's model says that the joints {names} follow others, which this stack does not hold; add "
+                "JointCoupling() to its limits.",
+                UserWarning,
+                stacklevel=4,
+            )
+        loops = getattr(robot, "loops", ())
+        if loops:
+            names = ", ".join(map(repr, loops[:5])) + (", ..." if len(loops) > 5 else "")
+            warnings.warn(
+                f"The robot's model has the equality constraints {names} (loops), which no stack holds: the answers may break "
+                "them.",
+                UserWarning,
+                stacklevel=4,
+            )
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0

@@ -36,6 +36,8 @@ TASKS = {
 
 LIMITS = {
     "joint": "joint_limit.JointLimit",
+    "locked": "locked_joints.LockedJoints",
+    "coupling": "joint_coupling.JointCoupling",
     "velocity": "limit.VelocityLimit",
     "torque": "torque_limit.TorqueLimit",
     "half_space": "half_space_limit.HalfSpaceLimit",

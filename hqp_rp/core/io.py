@@ -44,7 +44,7 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
     target = pathlib.Path(path)
     arrays: dict[str, Any] = {
         "format": np.array(FORMAT),
-        "version": np.array(1 if problem.damping is None else VERSION),
+        "version": np.array(version_of(problem)),
         "matrix": problem.matrix,
         "lower": problem.lower,
         "upper": problem.upper,
@@ -74,6 +74,11 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
             partial.unlink()
         raise FileError(f"{target}: the problem cannot be written ({error.strerror or error}).") from error
     return target
+
+
+def version_of(problem: Problem) -> int:
+    """The format version that a file with this problem has."""
+    return 1 if problem.damping is None else VERSION
 
 
 def load_problem(path: PathLike) -> Problem:

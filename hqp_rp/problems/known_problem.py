@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hqp_rp.core.errors import FileError
-from hqp_rp.core.io import FORMAT, VERSION, PathLike, load_problem
+from hqp_rp.core.io import FORMAT, PathLike, load_problem, version_of
 from hqp_rp.core.problem import FloatArray, Problem
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def to_arrays(known: KnownProblem) -> dict[str, Any]:
         exact = KnownAnswer(np.full(problem.n, np.nan), np.full(p, np.nan), (0,) * p)
     arrays: dict[str, Any] = {
         "format": np.array(FORMAT),
-        "version": np.array(VERSION),
+        "version": np.array(version_of(self.problem)),
         "matrix": problem.matrix,
         "lower": problem.lower,
         "upper": problem.upper,

@@ -178,6 +178,14 @@ def checked_limit(
     return frozen(limit)
 
 
+def require_velocity(v: object) -> None:
+    """Raises `RobotError` where v is None, as `Solution.x` is when a solve gave no answer."""
+    if v is None:
+        raise RobotError(
+            "v is None: the solve gave no x; see its Solution.status and message, and hold the last command or stop."
+        )
+
+
 def require_joints(nv: int, robot: str) -> None:
     """Raises `RobotError` for a model that cannot move."""
     if nv < 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
@@ -11,6 +12,7 @@ from xml.etree import ElementTree
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.robot.coupling import Coupling
 from hqp_rp.robot.inertia import repair
 from hqp_rp.robot.robot import Robot
 
@@ -28,7 +30,7 @@ def load_robot(
     meshes: bool = True,
     repair_inertias: bool = False,
     velocity_limit: ArrayLike | Mapping[str, float] | None = None,
-    neutral: ArrayLike | None = None,
+    neutral: ArrayLike | str | None = None,
 ) -> Robot:
     """The robot of an MJCF or URDF file, computed by MuJoCo or Pinocchio.
 
@@ -85,14 +87,65 @@ def urdf_velocity_limits(path: Path) -> dict[str, float]:
         limit = joint.find("limit")
         value = None if limit is None else limit.get("velocity")
         if value is not None:
-            try:
-                limits[joint.get("name", "")] = float(value)
-            except ValueError:
+            name = joint.get("name", "")
+            limits[name] = _number(path, name, "velocity limit", value)
+            if limits[name] < 0.0:
                 raise RobotError(
-                    f"The URDF file {os.fspath(path)!r}: joint {joint.get('name')!r} has the velocity limit {value!r}; "
-                    "it must be a number."
-                ) from None
+                    f"The URDF file {os.fspath(path)!r}: joint {name!r} has the velocity limit {value}; it must be >= 0. Mend "
+                    "the file, or give velocity_limit."
+                )
+            if limits[name] == 0.0 and joint.get("type") != "fixed":
+                warnings.warn(
+                    f"The URDF file {os.fspath(path)!r}: joint {name!r} has the velocity limit 0, so it may not move; give "
+                    "velocity_limit where that is not meant.",
+                    UserWarning,
+                    stacklevel=4,
+                )
     return limits
+
+
+def urdf_locked(path: Path) -> dict[str, float]:
+    """Joint name -> position, rad or m, of the joints of a URDF whose stated lower and upper limits are equal.
+
+    A joint that states only one of them, or neither, is not among these: a URDF without limits reads as [0, 0].
+    Raises `RobotError` for a joint with lower > upper.
+    """
+    locked = {}
+    for joint in parse_urdf(path).iter("joint"):
+        limit = joint.find("limit")
+        if limit is None or joint.get("type") not in ("revolute", "prismatic"):
+            continue
+        low, high, name = limit.get("lower"), limit.get("upper"), joint.get("name", "")
+        if low is None or high is None:
+            continue
+        lower, upper = _number(path, name, "lower limit", low), _number(path, name, "upper limit", high)
+        if lower > upper:
+            raise RobotError(f"The URDF file {os.fspath(path)!r}: joint {name!r} has lower {low} > upper {high}.")
+        if lower == upper:
+            locked[name] = lower
+    return locked
+
+
+def urdf_mimics(path: Path) -> tuple[Coupling, ...]:
+    """What the `<mimic>` elements of a URDF file say."""
+    found = []
+    for joint in parse_urdf(path).iter("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            name = joint.get("name", "")
+            offset = _number(path, name, "mimic offset", mimic.get("offset", "0"))
+            multiplier = _number(path, name, "mimic multiplier", mimic.get("multiplier", "1"))
+            found.append(Coupling(name, mimic.get("joint", ""), (offset, multiplier)))
+    return tuple(found)
+
+
+def _number(path: Path, joint: str, what: str, value: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise RobotError(
+            f"The URDF file {os.fspath(path)!r}: joint {joint!r} has the {what} {value!r}; it must be a number."
+        ) from None
 
 
 def mujoco_spec(
@@ -139,7 +192,12 @@ def mujoco_model(
     """The compiled MuJoCo model of an MJCF or URDF file. Args as `MujocoRobot.from_file`. Raises `RobotError`."""
     spec = mujoco_spec(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
     try:
-        return spec.compile()
+        model = spec.compile()
+        if file_format(path) == "urdf":  # MuJoCo takes equal limits for none
+            for name, value in urdf_locked(path).items():
+                joint = model.joint(name).id
+                model.jnt_range[joint], model.jnt_limited[joint] = value, 1
+        return model
     except ValueError as error:
         hint = ""
         if "inertia" in str(error) and not repair_inertias:

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from hqp_rp.core.problem import FloatArray
+import warnings
+
+import numpy as np
+
+from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.robot.coupling import Coupling
 from hqp_rp.robot.frames import FrameTable
+
+_NEAR = 1e-9  # rad or m: how far outside its limits a configuration may be by rounding
 
 
 class ModelRobot:
@@ -13,6 +20,10 @@ class ModelRobot:
     _nq: int
     _nv: int
     _joint_names: tuple[str, ...]
+    _joint_widths: tuple[int, ...]
+    _couplings: tuple[Coupling, ...] = ()
+    _loops: tuple[str, ...] = ()
+    _limited_balls: tuple[str, ...] = ()
     _table: FrameTable
     _lower: FloatArray
     _upper: FloatArray
@@ -31,6 +42,26 @@ class ModelRobot:
     @property
     def joint_names(self) -> tuple[str, ...]:
         return self._joint_names
+
+    @property
+    def joint_widths(self) -> tuple[int, ...]:
+        """How many velocities each joint has, as in `joint_names`: 1 for a hinge or slide, 3 for a ball, 6 for a free one."""
+        return self._joint_widths
+
+    @property
+    def couplings(self) -> tuple[Coupling, ...]:
+        """Joints that the model says follow others; `hqp_rp.control.JointCoupling` holds them."""
+        return self._couplings
+
+    @property
+    def loops(self) -> tuple[str, ...]:
+        """Names of the model's other equality constraints (connect, weld ...), which no limit here holds."""
+        return self._loops
+
+    @property
+    def limited_balls(self) -> tuple[str, ...]:
+        """Names of ball joints with a range, which `lower` and `upper` cannot say."""
+        return self._limited_balls
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -55,6 +86,22 @@ class ModelRobot:
     @property
     def q(self) -> FloatArray:
         return self._q
+
+    def _warn_of_neutral(self, q: FloatArray, index: IntArray) -> None:
+        """A neutral configuration outside the limits is said; index (nv,) into q, -1 for none."""
+        own = index >= 0
+        value = np.where(own, q[np.maximum(index, 0)], 0.0)
+        outside = np.flatnonzero(own & ((value < self._lower - _NEAR) | (value > self._upper + _NEAR)))
+        if outside.size:
+            i = int(outside[0])
+            names = np.repeat(np.array(self._joint_names, dtype=object), self._joint_widths)
+            more = "" if outside.size == 1 else f", as do {outside.size - 1} more"
+            warnings.warn(
+                f"The neutral configuration of {self._name} has joint {names[i]!r} at {value[i]:g}, outside its limits "
+                f"[{self._lower[i]:g}, {self._upper[i]:g}]{more}; give another with neutral=.",
+                UserWarning,
+                stacklevel=4,
+            )
 
     def _frame(self, frame: object) -> int:
         """The index of a frame. Raises `RobotError` for a name that the model does not have."""

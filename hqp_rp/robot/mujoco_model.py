@@ -5,7 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.errors import RobotError
+from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.frames import frozen
 
 # Where the quaternion of a joint starts within its part of q.
@@ -30,6 +31,24 @@ def geometry(model: mujoco.MjModel) -> FloatArray:
 def model_name(model: mujoco.MjModel) -> str:
     """The name of the model."""
     return bytes(model.names).split(b"\0", 1)[0].decode()
+
+
+def keyframe(model: mujoco.MjModel, name: str) -> FloatArray:
+    """(nq,) the configuration of the keyframe of that name. Raises `RobotError`, which lists the ones there are."""
+    names = [model.key(i).name for i in range(model.nkey)]
+    if name not in names:
+        has = ", ".join(sorted(filter(None, names))) or "none"
+        raise RobotError(f"The MuJoCo model {model_name(model)!r} has no keyframe {name!r}; it has {has}.")
+    return np.array(model.key_qpos[names.index(name)])
+
+
+def scalar_coordinates(model: mujoco.MjModel) -> IntArray:
+    """(nv,) index into q of each hinge's and slide's position, -1 for velocities of other joints."""
+    index = np.full(model.nv, -1, dtype=np.int64)
+    for j in range(model.njnt):
+        if int(model.jnt_type[j]) not in _QUATERNION:
+            index[model.jnt_dofadr[j]] = model.jnt_qposadr[j]
+    return index
 
 
 def position_limits(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,13 +14,22 @@ from numpy.typing import ArrayLike
 from hqp_rp.core import _native
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.coupling import couplings_of, limited_balls
 from hqp_rp.robot.dh import DHArm
-from hqp_rp.robot.frames import FrameTable, Point, checked_limit, checked_vector, frozen, require_joints
+from hqp_rp.robot.frames import (
+    FrameTable,
+    Point,
+    checked_limit,
+    checked_vector,
+    frozen,
+    require_joints,
+    require_velocity,
+)
 from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, urdf_velocity_limits
 from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_arm import arm_spec
 from hqp_rp.robot.mujoco_frames import MujocoFrames, kinematics_of
-from hqp_rp.robot.mujoco_model import geometry, model_name, position_limits, quaternions
+from hqp_rp.robot.mujoco_model import geometry, keyframe, model_name, position_limits, quaternions, scalar_coordinates
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
 _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
@@ -45,10 +55,13 @@ class MujocoRobot(ModelRobot):
     Args:
         model: a compiled model.
         velocity_limit: what MJCF cannot say: one number, (nv,) numbers or a mapping by joint name; default infinite.
-        neutral: (nq,) the reference configuration; default `model.qpos0`.
+        neutral: (nq,) the reference configuration, or the name of a keyframe; default `model.qpos0`.
 
     Raises:
-        RobotError: a limit or a configuration that does not fit the model.
+        RobotError: a limit or a configuration that does not fit the model, or a keyframe that it does not have.
+
+    Warns:
+        UserWarning: a neutral configuration outside the joint limits.
     """
 
     def __init__(
@@ -56,7 +69,7 @@ class MujocoRobot(ModelRobot):
         model: mujoco.MjModel,
         *,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
-        neutral: ArrayLike | None = None,
+        neutral: ArrayLike | str | None = None,
     ) -> None:
         if not isinstance(model, mujoco.MjModel):
             raise RobotError(f"model is a {type(model).__name__}; give a mujoco.MjModel, or use MujocoRobot.from_file.")
@@ -66,7 +79,9 @@ class MujocoRobot(ModelRobot):
         self._name = f"the MuJoCo model {model_name(model)!r}"
         require_joints(self._nv, self._name)
         self._joint_names = tuple(model.joint(j).name or f"unnamed_joint_{j}" for j in range(model.njnt))
-        widths = tuple(np.diff([*model.jnt_dofadr, model.nv]).tolist())
+        widths = self._joint_widths = tuple(np.diff([*model.jnt_dofadr, model.nv]).tolist())
+        self._couplings, self._loops = couplings_of(model)
+        self._limited_balls = limited_balls(model)
         limit = np.inf if velocity_limit is None else velocity_limit
         self._velocity_limit = checked_limit(limit, self._joint_names, widths)
         self._lower, self._upper = position_limits(model)
@@ -86,12 +101,13 @@ class MujocoRobot(ModelRobot):
         self._moving_mass = float(model.body_subtreemass[0] - model.body_mass[fixed].sum())
         self._kinematics: dict[int | None, _native.Kinematics] = {}
         self._pose_room = (np.empty((1, 3, 3)), np.empty((1, 3)))
-        neutral = model.qpos0 if neutral is None else neutral
+        neutral = keyframe(model, neutral) if isinstance(neutral, str) else model.qpos0 if neutral is None else neutral
         self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
         self._simulation: mujoco.MjData | None = None
         self._given: FloatArray | None = None
         self._arm: tuple[DHArm, FloatArray] | None = None
         self.update(self._neutral)
+        self._warn_of_neutral(self._neutral, scalar_coordinates(model))
 
     @classmethod
     def from_arm(cls, arm: DHArm, *, timestep: float = 0.001, gravity_compensation: bool = True) -> MujocoRobot:
@@ -110,7 +126,7 @@ class MujocoRobot(ModelRobot):
         meshes: bool = True,
         repair_inertias: bool = False,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
-        neutral: ArrayLike | None = None,
+        neutral: ArrayLike | str | None = None,
     ) -> MujocoRobot:
         """The robot of an MJCF or URDF file.
 
@@ -122,11 +138,16 @@ class MujocoRobot(ModelRobot):
             repair_inertias: True replaces inertias that MuJoCo refuses (not positive, or against A + B >= C) by the
                 nearest it accepts, and gives massless moving links 1e-12 kg.
             velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
-            neutral: (nq,) the reference configuration; default MuJoCo's `qpos0`.
+            neutral: (nq,) the reference configuration, or the name of a keyframe; default MuJoCo's `qpos0`.
+
+        A URDF joint whose lower and upper limits are stated and equal is locked there.
 
         Raises:
             RobotError: no such file, a file that MuJoCo does not read or compile (with its message), or an argument
-                that does not fit.
+                that does not fit; a URDF joint with lower > upper or a negative velocity limit.
+
+        Warns:
+            UserWarning: a URDF joint with velocity limit 0, which may not move; a neutral configuration outside the limits.
         """
         model = mujoco_model(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
         if velocity_limit is None and file_format(path) == "urdf":
@@ -140,7 +161,7 @@ class MujocoRobot(ModelRobot):
         spec: mujoco.MjSpec,
         *,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
-        neutral: ArrayLike | None = None,
+        neutral: ArrayLike | str | None = None,
     ) -> MujocoRobot:
         """The robot of an MjSpec, compiled here. Raises `RobotError` with MuJoCo's message when it does not compile."""
         try:
@@ -244,6 +265,7 @@ class MujocoRobot(ModelRobot):
 
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
+        require_velocity(v)
         result = self._checked(q, "q").copy()
         mujoco.mj_integratePos(self._model, result, checked_vector(v, self._nv, "v"), dt)
         return result
@@ -313,7 +335,9 @@ class MujocoRobot(ModelRobot):
 def _rebuild(
     model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray, arm: DHArm | None
 ) -> MujocoRobot:
-    robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # said when it was first loaded
+        robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral)
     robot._arm = None if arm is None else (arm, geometry(model))
     robot.update(q)
     return robot

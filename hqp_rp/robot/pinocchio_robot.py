@@ -11,11 +11,23 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.robot.coupling import couplings_of, limited_balls
 from hqp_rp.robot.dh import DHArm
-from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen, require_joints
-from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, parse_urdf, require_floatable
+from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen, require_joints, require_velocity
+from hqp_rp.robot.model_file import (
+    Path,
+    file_format,
+    mujoco_model,
+    one_line,
+    parse_urdf,
+    require_floatable,
+    urdf_locked,
+    urdf_mimics,
+    urdf_velocity_limits,
+)
 from hqp_rp.robot.model_robot import ModelRobot
+from hqp_rp.robot.mujoco_model import keyframe
 from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -66,7 +78,7 @@ class PinocchioRobot(ModelRobot):
         self._name = f"the Pinocchio model {model.name!r}"
         require_joints(self._nv, self._name)
         self._joint_names = tuple(list(model.names)[1:])
-        widths = tuple(int(nv) for nv in list(model.nvs)[1:])
+        widths = self._joint_widths = tuple(int(nv) for nv in list(model.nvs)[1:])
         limit = _without_maxima(model.velocityLimit) if velocity_limit is None else velocity_limit
         self._velocity_limit = checked_limit(limit, self._joint_names, widths)
         self._lower, self._upper = _position_limits(model)
@@ -98,7 +110,7 @@ class PinocchioRobot(ModelRobot):
         meshes: bool = True,
         repair_inertias: bool = False,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
-        neutral: ArrayLike | None = None,
+        neutral: ArrayLike | str | None = None,
     ) -> PinocchioRobot:
         """The robot of a URDF or MJCF file.
 
@@ -113,16 +125,22 @@ class PinocchioRobot(ModelRobot):
             meshes: False reads an MJCF without its mesh files; a URDF's are never needed here.
             repair_inertias: for an MJCF, as in `MujocoRobot.from_file`; Pinocchio takes a URDF's inertias as they are.
             velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
-            neutral: (nq,) the reference configuration; default MuJoCo's `qpos0`, or Pinocchio's neutral for a URDF.
+            neutral: (nq,) the reference configuration, or the name of an MJCF's keyframe; default MuJoCo's `qpos0`, or
+                Pinocchio's neutral for a URDF.
 
         Raises:
             RobotError: no such file, a file that is not read (with the library's message), or an argument that does
-                not fit.
+                not fit; a URDF joint with lower > upper or a negative velocity limit.
+
+        Warns:
+            UserWarning: as `MujocoRobot.from_file`.
         """
         if file_format(path) == "mjcf":
             source = mujoco_model(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
             return cls.from_mujoco(source, velocity_limit=velocity_limit, neutral=neutral)
         parse_urdf(path)
+        urdf_velocity_limits(path)
+        locked = urdf_locked(path)
         if floating_base:
             require_floatable(path)
         try:
@@ -132,7 +150,15 @@ class PinocchioRobot(ModelRobot):
             raise RobotError(
                 f"Pinocchio does not read {os.fspath(path)!r}: {one_line(error)} Its reader names the reason on stderr."
             ) from error
-        return cls(model, velocity_limit=velocity_limit, neutral=neutral)
+        if isinstance(neutral, str):
+            raise RobotError(f"neutral is {neutral!r}, but a URDF has no keyframes; give {model.nq} numbers.")
+        robot = cls(model, velocity_limit=velocity_limit, neutral=neutral)
+        robot._couplings = urdf_mimics(path)
+        for name, value in locked.items():
+            joint = model.getJointId(name)
+            robot._lock(int(model.idx_vs[joint]), value)
+        robot._warn_of_neutral(robot.neutral, _scalar_coordinates(model))
+        return robot
 
     @classmethod
     def from_mujoco(
@@ -140,7 +166,7 @@ class PinocchioRobot(ModelRobot):
         source: Any,
         *,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
-        neutral: ArrayLike | None = None,
+        neutral: ArrayLike | str | None = None,
     ) -> PinocchioRobot:
         """The robot of a compiled `mujoco.MjModel`: the same kinematics and inertias, in Pinocchio's convention.
 
@@ -148,8 +174,20 @@ class PinocchioRobot(ModelRobot):
         """
         require_joints(int(source.nv), "the MuJoCo model")
         names = tuple(source.joint(j).name or f"unnamed_joint_{j}" for j in range(source.njnt))
-        neutral = configuration_from_mujoco(source, source.qpos0) if neutral is None else neutral
-        return cls(model_from_mujoco(source, names), velocity_limit=velocity_limit, neutral=neutral)
+        if neutral is None or isinstance(neutral, str):
+            q = source.qpos0 if neutral is None else keyframe(source, neutral)
+            neutral = configuration_from_mujoco(source, q)
+        robot = cls(model_from_mujoco(source, names), velocity_limit=velocity_limit, neutral=neutral)
+        robot._couplings, robot._loops = couplings_of(source)
+        robot._limited_balls = limited_balls(source)
+        robot._warn_of_neutral(robot.neutral, _scalar_coordinates(robot.model))
+        return robot
+
+    def _lock(self, velocity: int, value: float) -> None:
+        """The joint of this velocity index has one position."""
+        lower, upper = self._lower.copy(), self._upper.copy()
+        lower[velocity] = upper[velocity] = value
+        self._lower, self._upper = frozen(lower), frozen(upper)
 
     @property
     def model(self) -> Any:
@@ -203,6 +241,7 @@ class PinocchioRobot(ModelRobot):
 
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
+        require_velocity(v)
         step = checked_vector(v, self._nv, "v") * dt
         return np.array(pin.integrate(self._model, self._checked(q, "q"), step))
 
@@ -211,7 +250,8 @@ class PinocchioRobot(ModelRobot):
         return np.array(pin.difference(self._model, self._checked(q0, "q0"), self._checked(q1, "q1")))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q)
+        stated = {name: getattr(self, name) for name in ("_lower", "_upper", "_couplings", "_loops", "_limited_balls")}
+        return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q, stated)
 
     def __repr__(self) -> str:
         return f"PinocchioRobot({self._model.name!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
@@ -231,10 +271,23 @@ class PinocchioRobot(ModelRobot):
             raise RobotError(f"{self._name} has no moving mass, hence no centre of mass.")
 
 
-def _rebuild(model: Any, limit: FloatArray, neutral: FloatArray, q: FloatArray) -> PinocchioRobot:
+def _rebuild(
+    model: Any, limit: FloatArray, neutral: FloatArray, q: FloatArray, stated: dict[str, Any]
+) -> PinocchioRobot:
     robot = PinocchioRobot(model, velocity_limit=limit, neutral=neutral)
+    for name, value in stated.items():
+        setattr(robot, name, value)
     robot.update(q)
     return robot
+
+
+def _scalar_coordinates(model: Any) -> IntArray:
+    """(nv,) index into q of the joint position of each velocity, -1 where it is not one number."""
+    index = np.full(model.nv, -1, dtype=np.int64)
+    for j in range(1, model.njoints):
+        if model.nqs[j] == model.nvs[j] == 1:
+            index[model.idx_vs[j]] = model.idx_qs[j]
+    return index
 
 
 def _position_limits(model: Any) -> tuple[FloatArray, FloatArray]:

@@ -178,7 +178,7 @@ def test_posture_meets_robots():
 
 
 def test_posture_of_a_robot_with_quaternions():
-    """The error lives in velocity space, and a joint's name has no single index there."""
+    """The error lives in velocity space, where the name of a free joint has no single index."""
     mujoco = pytest.importorskip("mujoco")
     from hqp_rp.robot import MujocoRobot
 
@@ -196,5 +196,6 @@ def test_posture_of_a_robot_with_quaternions():
     np.testing.assert_array_equal(J, np.eye(7))
     np.testing.assert_allclose(rate, v, atol=1e-12)
     np.testing.assert_allclose(PostureTask(target, joints=[6, 0]).evaluate(robot)[1], v[[6, 0]], atol=1e-12)
-    with pytest.raises(RobotError, match=r"\(2 joints, 7 velocities\).*give velocity indices"):
-        PostureTask(target, joints=["arm"]).evaluate(robot)
+    np.testing.assert_allclose(PostureTask(target, joints=["arm"]).evaluate(robot)[1], v[[6]], atol=1e-12)
+    with pytest.raises(RobotError, match=r"'base' has 6 velocities.*give velocity indices 0 to 5"):
+        PostureTask(target, joints=["base"]).evaluate(robot)

@@ -1,0 +1,53 @@
+"""What a model states beside its tree: joints that follow others, loops, ball joints with a range."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Coupling:
+    """A joint that follows another: `q_joint - own = sum_i coefficients[i] (q_source - reference)^i`, rad or m.
+
+    A URDF's `<mimic>` and a MuJoCo `<equality><joint>`; without a source the joint is held where the coefficient says.
+    """
+
+    joint: str
+    source: str | None
+    coefficients: tuple[float, ...]
+    own: float = 0.0
+    reference: float = 0.0
+
+
+def couplings_of(model: mujoco.MjModel) -> tuple[tuple[Coupling, ...], tuple[str, ...]]:
+    """The active joint couplings of a model, and the names of its other active equality constraints (loops)."""
+    import mujoco
+
+    couplings, others = [], []
+    for i in range(model.neq):
+        if not model.eq_active0[i]:
+            continue
+        if model.eq_type[i] != mujoco.mjtEq.mjEQ_JOINT:
+            others.append(model.equality(i).name or f"unnamed_equality_{i}")
+            continue
+        first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+        name, own = _joint(model, first)
+        source, reference = (None, 0.0) if second < 0 else _joint(model, second)
+        couplings.append(Coupling(name, source, tuple(model.eq_data[i, :5].tolist()), own, reference))
+    return tuple(couplings), tuple(others)
+
+
+def limited_balls(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Names of the ball joints that have a range."""
+    import mujoco
+
+    balls = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL and model.jnt_limited[j]]
+    return tuple(_joint(model, j)[0] for j in balls)
+
+
+def _joint(model: mujoco.MjModel, j: int) -> tuple[str, float]:
+    return model.joint(j).name or f"unnamed_joint_{j}", float(model.qpos0[model.jnt_qposadr[j]])

@@ -1,0 +1,219 @@
+"""Nothing that a model file says is dropped in silence: limits, couplings, loops, keyframes, in both libraries."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hqp_rp import HqpError, RobotError, SettingError, solve
+from hqp_rp.control import JointCoupling, JointLimit, LockedJoints, PositionTask, PostureTask, Stack, VelocityLimit
+from hqp_rp.control.stack_file import parse_stack
+from hqp_rp.robot import MujocoRobot, load_robot
+
+LIBRARIES = pytest.mark.parametrize("library", ["mujoco", "pinocchio"])
+LINK = (
+    '<link name="{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    "</link>"
+)
+JOINT = (
+    '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>'
+    '<limit lower="{3}" upper="{4}" velocity="{5}" effort="1"/>{6}</joint>'
+)
+
+
+def urdf(folder: Path, second: tuple[object, object, object, str] = (-1, 1, 2, "")) -> Path:
+    path = folder / "arm.urdf"
+    links = "".join(LINK.format(name) for name in ("base", "a", "b", "tool"))
+    joints = (
+        JOINT.format("j1", "base", "a", -1, 1, 2, "")
+        + JOINT.format("j2", "a", "b", *second)
+        + JOINT.format("j3", "b", "tool", -1, 1, 2, "")
+    )
+    path.write_text(f'<robot name="arm">{links}{joints}</robot>')
+    return path
+
+
+FLOATING = """
+<mujoco><worldbody>
+  <body name="pelvis"><freejoint name="root"/><geom size="0.1"/>
+    <body name="left" pos="0 0.2 0"><joint name="left_hip" axis="0 1 0" range="-60 60"/><geom size="0.05"/>
+      <body name="left_foot" pos="0 0 -0.4"><joint name="left_knee" axis="0 1 0" range="0 90"/><geom size="0.05"/></body></body>
+    <body name="right" pos="0 -0.2 0"><joint name="right_hip" axis="0 1 0" range="-60 60"/><geom size="0.05"/></body>
+    <body name="head" pos="0 0 0.3"><joint name="neck" type="ball" {ball}/><geom size="0.05"/></body>
+  </body></worldbody>
+  {more}
+  <keyframe><key name="home" qpos="0 0 1 1 0 0 0 0.1 0.2 0.3 1 0 0 0"/></keyframe>
+</mujoco>
+"""
+
+
+def floating(folder: Path, ball: str = "", more: str = "", **named: Any) -> MujocoRobot:
+    path = folder / "biped.xml"
+    path.write_text(FLOATING.format(ball=ball, more=more))
+    robot = load_robot(path, **named)
+    assert isinstance(robot, MujocoRobot)
+    return robot
+
+
+def test_names_beside_a_free_joint(tmp_path: Path) -> None:
+    robot = floating(tmp_path)
+    assert robot.joint_widths == (6, 1, 1, 1, 3)
+    posture = PostureTask(robot.neutral, joints=["left_knee", "right_hip"])
+    J, _ = posture.evaluate(robot)
+    np.testing.assert_array_equal(np.flatnonzero(J.any(axis=0)), [7, 8])
+    J, _ = PostureTask(robot.neutral, joints=["left_*"], gain=2.0).evaluate(robot)
+    np.testing.assert_array_equal(np.flatnonzero(J.any(axis=0)), [6, 7])
+    upper = VelocityLimit({"*_hip": 2.0, "left_hip": 1.0, "left_knee": 3.0}).rows(robot, 0.01, None)[2]
+    assert upper[6:9].tolist() == [1.0, 3.0, 2.0]
+    assert np.isinf(upper[:6]).all()
+    with pytest.raises(
+        RobotError,
+        match=r"joint 'root' has 6 velocities, so its name has no single index; give velocity indices 0 to 5",
+    ):
+        VelocityLimit({"root": 1.0}).rows(robot, 0.01, None)
+    with pytest.raises(RobotError, match=r"no hinge or slide matches 'arm_\*'; the joints are root, left_hip"):
+        PostureTask(robot.neutral, joints=["arm_*"]).evaluate(robot)
+    with pytest.raises(RobotError, match="a joint is given twice"):
+        PostureTask(robot.neutral, joints=["left_*", "left_hip"]).evaluate(robot)
+
+
+def test_locked_joints(tmp_path: Path) -> None:
+    robot = floating(tmp_path)
+    tasks = [PositionTask("left_foot", robot.pose("left_foot")[1] + [0.1, 0.0, 0.1])]
+    for limit, still in (
+        (LockedJoints(["left_*"]), [6, 7]),
+        (LockedJoints(all_but=["left_hip", "left_knee"]), [*range(6), 8, 9, 10, 11]),
+        (LockedJoints([0, 1, "right_hip"]), [0, 1, 8]),
+    ):
+        x = solve(Stack(tasks, [limit]).problem(robot, 0.01), "hierarchical_active_set").x
+        assert x is not None
+        np.testing.assert_allclose(x[still], 0.0, atol=1e-15)
+        assert np.abs(x).max() > 0.01
+    for named in ({}, {"joints": [0], "all_but": [1]}, {"joints": "left_hip"}, {"joints": []}):
+        with pytest.raises(SettingError, match="give"):
+            LockedJoints(**named)  # type: ignore[arg-type]
+    file = 'dt = 0.01\n[[level]]\n[[level.task]]\ntype = "posture"\n[[limit]]\ntype = "locked"\njoints = ["*_hip"]\n'
+    assert parse_stack(file).stack(robot).problem(robot, 0.01).hard_rows == 2
+
+
+@LIBRARIES
+@pytest.mark.parametrize("value", [0.4, 0])
+def test_equal_limits_lock_a_joint(tmp_path: Path, library: str, value: float) -> None:
+    with pytest.warns(UserWarning, match="joint 'j2' at 0, outside its limits") if value else _nothing():
+        robot = load_robot(urdf(tmp_path, (value, value, 2, "")), library)
+    for loaded in (robot, pickle.loads(pickle.dumps(robot))):
+        np.testing.assert_allclose(loaded.lower, [-1.0, value, -1.0])
+        np.testing.assert_allclose(loaded.upper, [1.0, value, 1.0])
+    robot.update(np.array([0.0, value, 0.0]))
+    stack = Stack([PositionTask("tool", [0.0, 2.0, 0.0])], [JointLimit()])
+    x = solve(stack.problem(robot, 0.01, np.zeros(3)), "hierarchical_active_set").x
+    assert x is not None
+    assert abs(x[1]) < 1e-12
+
+
+@LIBRARIES
+def test_limits_that_make_no_sense(tmp_path: Path, library: str) -> None:
+    with pytest.raises(RobotError, match="joint 'j2' has lower 1 > upper -1"):
+        load_robot(urdf(tmp_path, (1, -1, 2, "")), library)
+    with pytest.raises(RobotError, match="joint 'j2' has the velocity limit -2; it must be >= 0"):
+        load_robot(urdf(tmp_path, (-1, 1, -2, "")), library)
+    with pytest.warns(UserWarning, match="joint 'j2' has the velocity limit 0, so it may not move"):
+        load_robot(urdf(tmp_path, (-1, 1, 0, "")), library)
+
+
+@LIBRARIES
+def test_a_joint_that_follows_another(tmp_path: Path, library: str) -> None:
+    robot = load_robot(urdf(tmp_path, (-1, 1, 2, '<mimic joint="j1" multiplier="-2" offset="0.1"/>')), library)
+    (coupling,) = robot.couplings  # type: ignore[attr-defined]
+    assert (coupling.joint, coupling.source, coupling.coefficients[:2]) == ("j2", "j1", (0.1, -2.0))
+    robot.update(np.array([0.2, -0.1, 0.3]))
+    task = PositionTask("tool", robot.pose("tool")[1] + [0.0, 0.3, 0.0], axes="xy")
+    stack = Stack([task], [JointCoupling(gain=5.0), VelocityLimit()])
+    x = solve(stack.problem(robot, 0.01), "hierarchical_active_set").x
+    assert x is not None
+    assert x[1] + 2.0 * x[0] == pytest.approx(-5.0 * (-0.1 - 0.1 + 0.4), abs=1e-12)
+    for _ in range(400):
+        x = solve(stack.problem(robot, 0.01), "hierarchical_active_set").x
+        robot.update(robot.integrate(robot.q, x, 0.01))  # type: ignore[arg-type]
+    assert robot.q[1] == pytest.approx(0.1 - 2.0 * robot.q[0], abs=1e-6)
+    with pytest.warns(
+        UserWarning, match=r"joints 'j2' follow others, which this stack does not hold; add JointCoupling\(\)"
+    ):
+        Stack([task]).problem(robot)
+
+
+def test_the_rows_of_a_coupling_are_a_derivative(tmp_path: Path) -> None:
+    more = '<equality><joint joint1="left_knee" joint2="left_hip" polycoef="0.1 0.5 -0.3 0.2 0"/></equality>'
+    robot = floating(tmp_path, more=more)
+    q = np.array(robot.neutral)
+    q[7:10] = 0.3, 0.7, -0.2
+    robot.update(q)
+    G, lower, _ = JointCoupling(gain=1.0).rows(robot, 0.01, None)
+    rng, step = np.random.default_rng(0), 1e-6
+    for _ in range(3):
+        v = rng.standard_normal(robot.nv)
+        residuals = []
+        for sign in (1, -1):
+            robot.update(robot.integrate(q, sign * v, step))
+            residuals.append(-JointCoupling(gain=1.0).rows(robot, 0.01, None)[1][0])
+        robot.update(q)
+        assert G[0] @ v == pytest.approx((residuals[0] - residuals[1]) / (2 * step), abs=1e-8)
+    assert lower[0] == pytest.approx(-(0.7 - (0.1 + 0.15 - 0.3 * 0.09 + 0.2 * 0.027)))
+    with pytest.raises(RobotError, match="couples no joints"):
+        JointCoupling().rows(floating(tmp_path), 0.01, None)
+    with pytest.raises(SettingError, match="gain of 'joint coupling' is -1"):
+        JointCoupling(gain=-1.0)
+
+
+def test_a_loop_is_said(tmp_path: Path) -> None:
+    more = '<equality><connect name="loop" body1="left_foot" body2="right" anchor="0 0 0"/></equality>'
+    robot = floating(tmp_path, more=more)
+    assert robot.loops == ("loop",)
+    with pytest.warns(UserWarning, match=r"the equality constraints 'loop' \(loops\), which no stack holds"):
+        Stack([PostureTask(robot.neutral)]).problem(robot)
+
+
+def test_a_ball_joint_with_a_range(tmp_path: Path) -> None:
+    robot = floating(tmp_path, ball='limited="true" range="0 30"')
+    assert robot.limited_balls == ("neck",)
+    with pytest.raises(RobotError, match="the ball joint 'neck' has a range, which no box on velocities holds"):
+        JointLimit().rows(robot, 0.01, np.zeros(robot.nv))
+    JointLimit(position=False, velocity=1.0).rows(robot, 0.01, np.zeros(robot.nv))
+
+
+def test_keyframes(tmp_path: Path) -> None:
+    robot = floating(tmp_path, neutral="home")
+    np.testing.assert_allclose(robot.neutral[7:10], [0.1, 0.2, 0.3])
+    other = load_robot(tmp_path / "biped.xml", "pinocchio", neutral="home")
+    np.testing.assert_allclose(other.neutral[7:10], [0.1, 0.2, 0.3])
+    with pytest.raises(RobotError, match="has no keyframe 'stand'; it has home"):
+        floating(tmp_path, neutral="stand")
+    with pytest.raises(RobotError, match="a URDF has no keyframes"):
+        load_robot(urdf(tmp_path), "pinocchio", neutral="home")
+
+
+def test_a_neutral_outside_the_limits_is_said(tmp_path: Path) -> None:
+    robot = floating(tmp_path)
+    q = np.array(robot.neutral)
+    q[8] = -0.3
+    with pytest.warns(
+        UserWarning, match=r"joint 'left_knee' at -0.3, outside its limits \[0, 1.5708\]; give another with neutral="
+    ):
+        MujocoRobot(robot.model, neutral=q)
+
+
+@LIBRARIES
+def test_integrating_no_answer(tmp_path: Path, library: str) -> None:
+    robot = load_robot(urdf(tmp_path), library)
+    with pytest.raises(HqpError, match="v is None: the solve gave no x"):
+        robot.integrate(robot.q, None, 0.01)  # type: ignore[arg-type]
+
+
+def _nothing() -> Any:
+    import contextlib
+
+    return contextlib.nullcontext()
