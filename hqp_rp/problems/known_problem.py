@@ -107,7 +107,7 @@ def to_arrays(known: KnownProblem) -> dict[str, Any]:
         exact = KnownAnswer(np.full(problem.n, np.nan), np.full(p, np.nan), (0,) * p)
     arrays: dict[str, Any] = {
         "format": np.array(FORMAT),
-        "version": np.array(version_of(self.problem)),
+        "version": np.array(version_of(problem)),
         "matrix": problem.matrix,
         "lower": problem.lower,
         "upper": problem.upper,
