@@ -109,6 +109,10 @@ class CollisionLimit:
         """The names of the two geoms of each row."""
         return self._meet(robot).names
 
+    def row_names(self, robot: Robot) -> list[str]:
+        """The two geoms of each row."""
+        return [f"{a} - {b}" for a, b in self.pairs(robot)]
+
     def _meet(self, robot: Robot) -> MujocoDistances:
         if self._distances is None or robot is not self._bound:
             from hqp_rp.robot.mujoco_distance import MujocoDistances

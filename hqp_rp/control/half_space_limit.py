@@ -96,6 +96,10 @@ class HalfSpaceLimit:
         least = self._approach.least_rate(np.array([self.distance(robot) - self._margin]), dt)
         return -(self._normal @ linear)[None, :], least, np.array([math.inf])
 
+    def row_names(self, robot: Robot) -> list[str]:
+        """The frame."""
+        return [self._frame]
+
     def distance(self, robot: Robot) -> float:
         """c - n . p in m, negative outside; the margin is not taken off."""
         position = robot.pose(self._frame)[1] + self._lever(robot)

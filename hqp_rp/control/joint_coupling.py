@@ -59,6 +59,10 @@ class JointCoupling:
             rhs[i] = -self._gain * (q[own_q] - coupling.own - float(np.dot(coupling.coefficients, powers)))
         return G, rhs, rhs
 
+    def row_names(self, robot: Robot) -> list[str]:
+        """Who follows whom."""
+        return [f"{coupling.joint} after {coupling.source}" for *_, coupling in self._resolved]
+
     def _bind(self, robot: Robot) -> None:
         owner = f"limit {self._name!r}"
         couplings = getattr(robot, "couplings", ()) if self._couplings is None else self._couplings

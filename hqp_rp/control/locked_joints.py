@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hqp_rp.control._checks import joint_indices
+from hqp_rp.control._row_names import velocity_names
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
@@ -61,6 +62,11 @@ class LockedJoints:
         G, zero = np.zeros((len(self._locked), robot.nv)), np.zeros(len(self._locked))
         G[np.arange(len(self._locked)), self._locked] = 1.0
         return G, zero, zero
+
+    def row_names(self, robot: Robot) -> list[str]:
+        """The joints that are locked."""
+        names = velocity_names(robot)
+        return [names[i] for i in self._locked]
 
     def __repr__(self) -> str:
         return f"LockedJoints({self._name!r})"

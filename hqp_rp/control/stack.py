@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control._row_names import row_names
 from hqp_rp.control._stack_rows import LIMIT, MINK_TASK, TASK, StackRows
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import Task
+from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
@@ -169,8 +171,11 @@ class Stack:
         problem = Problem.from_rows(
             matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping if any(damping) else None
         )
-        if self._hard and not problem.hard_rows:  # limits without a row at present
-            problem.kept = {"hard": Level(np.zeros((0, robot.nv)), [], [], name="limits")}
+        if self._hard:
+            counts = rows.counts
+            problem.kept = {ROW_NAMES: lambda: self._named_rows(robot, counts)}
+            if not problem.hard_rows:  # limits without a row at present
+                problem.kept["hard"] = Level(np.zeros((0, robot.nv)), [], [], name="limits")
         return problem
 
     def batch(
@@ -297,6 +302,14 @@ class Stack:
                 UserWarning,
                 stacklevel=4,
             )
+
+    def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str]]:
+        """(limit, row) in words of each hard row."""
+        return [
+            (item.name, name)
+            for (_, item), count in zip(self._hard, counts, strict=False)
+            for name in row_names(item, robot, count)
+        ]
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0

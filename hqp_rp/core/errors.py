@@ -25,6 +25,10 @@ class SettingError(HqpError, TypeError, ValueError):
     """A setting that a solver does not have, or a value that it does not allow."""
 
 
+class NoSolutionError(HqpError, RuntimeError):
+    """`Solution.require` of a solve that gave no x, or none that may be used; the message is the status in words."""
+
+
 class WorkLimitError(HqpError, RuntimeError):
     """An exact search that reached the bound of its work; the message names the bound and what shortens the search."""
 

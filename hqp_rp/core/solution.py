@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from hqp_rp.core.conflict import Conflict
     from hqp_rp.core.diagnostics import LevelReport
     from hqp_rp.core.problem import FloatArray, Problem
 
@@ -58,6 +59,32 @@ class Solution(_native.Solution):
         secondary: FloatArray | None = None,
     ) -> None:
         super().__init__(problem, x, status, iterations, message, secondary)
+
+    def require(self, *, inaccurate: bool = False) -> FloatArray:
+        """x (n,), or `NoSolutionError` with the status in words where the solve did not end in `SOLVED`.
+
+        inaccurate: whether an answer of status INACCURATE is taken too.
+        """
+        x: FloatArray | None = self.x
+        if x is None or not (self.status.ok or (inaccurate and self.status is Status.INACCURATE)):
+            from hqp_rp.core.errors import NoSolutionError
+
+            raise NoSolutionError(f"{self.status.value} {self.message}".rstrip())
+        return x
+
+    @property
+    def conflict(self) -> Conflict | None:
+        """For `INFEASIBLE`: which hard rows contradict each other, by how much, and what would help; None otherwise.
+
+        Computed from the problem alone when first asked for; None too where the contradiction is too small to prove.
+        """
+        kept = self._once()
+        if "conflict" not in kept and self.status is Status.INFEASIBLE:
+            from hqp_rp.core.conflict import conflict_of
+
+            kept["conflict"] = conflict_of(self.problem, self.x)
+        found: Conflict | None = kept.get("conflict")
+        return found
 
     def _once(self) -> dict[str, Any]:
         kept: dict[str, Any] | None = self.kept

@@ -64,3 +64,6 @@ NEARLY_FREE = 1e-4
 
 STANDSTILL = 1e-13
 """Judging a damped level: a step of less than this part of what it starts from is rounding error."""
+
+MEETS = 1e-6
+"""Rows without one limit count as feasible where a point misses none of them by more than this part of its size and bound."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.diagnostics import rounding_at_zero, row_norms
 from hqp_rp.core.nonnegative import nonnegative_least_squares
-from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.tolerances import CONTRADICTION, FARKAS_REACH, FARKAS_ROUNDING, FARKAS_WEIGHT
 
@@ -69,8 +70,32 @@ def breaks_hard_rows(problem: Problem, x: FloatArray, tolerance: float) -> bool:
         return not hard_excess(problem.hard, x, rounding_at_zero(problem, x)) <= tolerance
 
 
+class Contradiction(NamedTuple):
+    """Hard rows (k,) of which every x misses one by at least `gap` of its length, and at which bound: +1 upper, -1 lower."""
+
+    rows: IntArray
+    sides: IntArray
+    gap: float
+
+
 def contradiction(hard: Level, x: FloatArray) -> str:
-    """A sentence that names the hard rows in conflict where they provably are, else "".
+    """A sentence that names the hard rows in conflict where they provably are, else ""; see `proven_contradiction`."""
+    found = proven_contradiction(hard, x)
+    if found is None:
+        return ""
+    if len(found.rows) == 1 and found.gap == math.inf:
+        i = int(found.rows[0])
+        return f"Hard row {i} is a row of zeros that must be within [{hard.lower[i]:g}, {hard.upper[i]:g}]."
+    named = sorted(set(found.rows.tolist()))
+    shown = ", ".join(str(i) for i in named[:8]) + (", ..." if len(named) > 8 else "")
+    return (
+        f"Hard rows {shown} contradict each other: every x misses one of them by at least {found.gap:.3g} of its "
+        "length. Loosen these rows, or move them to a level."
+    )
+
+
+def proven_contradiction(hard: Level, x: FloatArray) -> Contradiction | None:
+    """The hard rows that provably contradict each other, as few as the proof needs, or None.
 
     The proof is Farkas': weights w >= 0 on one-sided rows `g_i . y <= h_i` of length one with `G^T w = 0` and `h . w < 0`, so
     that no y meets them all. They are those of the least-distance problem, `min ||G^T w||^2 + (h . w + 1)^2` over w >= 0,
@@ -83,10 +108,10 @@ def contradiction(hard: Level, x: FloatArray) -> str:
     outside = (lengths == 0.0) & ((hard.lower > 0.0) | (hard.upper < 0.0))
     if outside.any():
         i = int(outside.argmax())
-        return f"Hard row {i} is a row of zeros that must be within [{hard.lower[i]:g}, {hard.upper[i]:g}]."
+        return Contradiction(np.array([i]), np.array([1 if hard.upper[i] < 0.0 else -1]), math.inf)
     rows = np.flatnonzero(lengths > 0.0)
     if not len(rows) or not np.isfinite(x).all():
-        return ""
+        return None
     with np.errstate(over="ignore", invalid="ignore"):
         A = hard.A[rows] / lengths[rows, None]
         value = A @ x
@@ -100,7 +125,7 @@ def contradiction(hard: Level, x: FloatArray) -> str:
     G, h, numbers = G[near], h[near], np.concatenate((rows, rows))[near]
     least = float(h.min(initial=0.0))
     if not least < 0.0 or not math.isfinite(size):  # x meets every row
-        return ""
+        return None
     unit = -least  # bounds in units of the largest miss
     w, _ = nonnegative_least_squares(np.vstack((G.T, h / unit)), np.append(np.zeros(len(x)), -1.0))
     chosen = w > FARKAS_WEIGHT * w.max(initial=0.0)
@@ -111,10 +136,6 @@ def contradiction(hard: Level, x: FloatArray) -> str:
     if not margin > left * FARKAS_REACH * (size + unit) + rounding or not margin > CONTRADICTION * size * float(
         w.sum()
     ):
-        return ""
-    named = sorted(set(numbers[chosen].tolist()))
-    shown = ", ".join(str(i) for i in named[:8]) + (", ..." if len(named) > 8 else "")
-    return (
-        f"Hard rows {shown} contradict each other: every x misses one of them by at least {margin / float(w.sum()):.3g} of its "
-        "length. Loosen these rows, or move them to a level."
-    )
+        return None
+    sides = np.concatenate((np.ones(len(rows), np.int64), -np.ones(len(rows), np.int64)))[near]
+    return Contradiction(numbers[chosen], sides[chosen], margin / float(w.sum()))

@@ -1,0 +1,30 @@
+"""The rows of a limit in words, for whoever asks why they cannot all be met."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hqp_rp.robot.robot import Robot
+
+
+def row_names(item: Any, robot: Robot, count: int) -> list[str]:
+    """One name for each of an item's rows: its own `row_names(robot)`, joints where it has one row for each, else numbers."""
+    own = getattr(item, "row_names", None)
+    if own is not None:
+        names = [str(name) for name in own(robot)]
+        if len(names) == count:
+            return names
+    if count == robot.nv:
+        return velocity_names(robot)
+    return ["its row"] if count == 1 else [f"row {i}" for i in range(count)]
+
+
+def velocity_names(robot: Robot) -> list[str]:
+    """The joint of each velocity; those of free and ball joints with a number."""
+    names = robot.joint_names
+    widths = getattr(robot, "joint_widths", (1,) * len(names))
+    if sum(widths) != robot.nv:
+        return [f"velocity {i}" for i in range(robot.nv)]
+    return [
+        name if width == 1 else f"{name}[{i}]" for name, width in zip(names, widths, strict=True) for i in range(width)
+    ]

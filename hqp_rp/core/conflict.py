@@ -1,0 +1,106 @@
+"""Why hard rows cannot all be met: which of them contradict each other, in words, by how much, and what would help."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from hqp_rp.core.diagnostics import norm, row_norms
+from hqp_rp.core.nonnegative import nonnegative_least_squares
+from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.tolerances import MEETS
+from hqp_rp.core.verify import Contradiction, proven_contradiction
+
+ROW_NAMES = "hard row names"
+"""Under this name `Problem.kept` holds what gives (group, row) in words for every hard row; a `Stack` puts it there."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Conflict:
+    """Hard rows that contradict each other.
+
+    Attributes:
+        rows: their numbers among the hard rows. sides: "lower" or "upper", the bound of each that takes part.
+        names: each in words, such as "joint limits: j4 upper".
+        gap: every x misses one of them by at least this much of its row's length.
+        remedies: what alone, moved from the hard rows to a level, would make the others feasible: names of limits, or of rows
+            where nobody named limits; empty where no single one does.
+    """
+
+    rows: tuple[int, ...]
+    sides: tuple[str, ...]
+    names: tuple[str, ...]
+    gap: float
+    remedies: tuple[str, ...]
+
+    def __str__(self) -> str:
+        what = "; ".join(self.names[:6]) + ("; ..." if len(self.names) > 6 else "")
+        if not self.remedies:
+            return f"{what}: they miss each other by {self.gap:.3g}; no single limit moved to a level makes the rest feasible."
+        some = " or ".join(repr(remedy) for remedy in self.remedies)
+        return f"{what}: they miss each other by {self.gap:.3g}; moving {some} to a level makes the rest feasible."
+
+
+def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
+    """The conflict among the hard rows of `problem`, or None where none is proven.
+
+    Args:
+        x: (n,) a point that meets them nearly, which makes the proof sharper; None where there is none.
+    """
+    hard = problem.hard
+    if hard is None or not hard.m:
+        return None
+    found = _proof(hard, x)
+    if found is None:
+        return None
+    namer: Callable[[], list[tuple[str, str]]] | None = (problem.kept or {}).get(ROW_NAMES)
+    named = [("", f"hard row {i}") for i in range(hard.m)] if namer is None else namer()
+    sides = ["upper" if side > 0 else "lower" for side in found.sides]
+    names = []
+    for row, side in zip(found.rows.tolist(), sides, strict=True):
+        group, name = named[row]
+        names.append(f"{group}: {name} {side}" if group else f"{name} {side}")
+    groups = [group or name for group, name in named]
+    suspects = dict.fromkeys(groups[row] for row in found.rows.tolist())
+    remedies = [suspect for suspect in suspects if _feasible(hard, [group != suspect for group in groups])]
+    return Conflict(tuple(found.rows.tolist()), tuple(sides), tuple(names), found.gap, tuple(remedies))
+
+
+def _proof(hard: Level, x: FloatArray | None) -> Contradiction | None:
+    starts = [np.zeros(hard.n)] if x is None else [x, np.zeros(hard.n)]
+    for start in starts:
+        found = proven_contradiction(hard, start)
+        if found is not None:
+            return found
+    # Nearer to the rows: the least-squares point of their nearest bounds.
+    target = np.clip(hard.A @ starts[0], hard.lower, hard.upper)
+    return proven_contradiction(hard, np.asarray(np.linalg.lstsq(hard.A, target, rcond=None)[0], dtype=np.float64))
+
+
+def _feasible(hard: Level, chosen: list[bool]) -> bool:
+    """Whether these rows have a common point: the one nearest to 0, by the dual of the least distance problem, meets them.
+
+    Source: Lawson and Hanson 1974, chapter 23, LDP.
+    """
+    A, lower, upper = hard.A[chosen], hard.lower[chosen], hard.upper[chosen]
+    lengths = row_norms(A)
+    kept = lengths > 0.0
+    if ((lower > 0.0) | (upper < 0.0))[~kept].any():
+        return False
+    A, lower, upper = A[kept] / lengths[kept, None], lower[kept] / lengths[kept], upper[kept] / lengths[kept]
+    G, h = np.concatenate((A, -A)), np.concatenate((upper, -lower))
+    finite = np.isfinite(h)
+    G, h = G[finite], h[finite]
+    if not (h < 0.0).any():
+        return True
+    unit = float(np.abs(h).max())
+    target = np.zeros(hard.n + 1)
+    target[-1] = 1.0
+    # min ||y|| subject to -G y >= -h.
+    _, rest = nonnegative_least_squares(np.vstack((-G.T, -h / unit)), target)
+    if not rest[-1] > 0.0:
+        return False
+    y = -unit * rest[:-1] / rest[-1]
+    return bool((G @ y <= h + MEETS * (norm(y) + np.abs(h))).all())
