@@ -165,16 +165,26 @@ def check_frames(robot: Robot, frames: Iterable[str], owner: str) -> None:
             raise RobotError(f"{owner}: {unknown_name('frame', name, known)}") from None
 
 
-def joint_indices(robot: Robot, joints: Iterable[str | int], owner: str) -> NDArray[np.int64]:
-    """Velocity indices of joints given by name, by a pattern of names such as "left_*", or by velocity index."""
+def joint_indices(robot: Robot, joints: Iterable[str | int], owner: str, *, distinct: bool = True) -> NDArray[np.int64]:
+    """Velocity indices of joints given by name, by a pattern of names such as "left_*", or by velocity index.
+
+    In the order given, none twice; or, where they need not be `distinct`, each once in ascending order.
+    """
     found: list[int] = []
     for joint in joints:
         if isinstance(joint, str):
             found.extend(_named(robot, joint, owner))
+        elif isinstance(joint, bool) or not isinstance(joint, int | np.integer):
+            raise RobotError(
+                f"{owner}: {joint!r} is no joint; give a name, a pattern such as 'left_*', or a velocity index, 0 to "
+                f"{robot.nv - 1}."
+            )
         elif 0 <= joint < robot.nv:
             found.append(int(joint))
         else:
             raise RobotError(f"{owner}: there is no velocity index {joint}; valid: 0 to {robot.nv - 1}.")
+    if not distinct:
+        found = sorted(set(found))
     if len(set(found)) < len(found):
         raise RobotError(f"{owner}: a joint is given twice in {list(joints)!r}; give each joint once.")
     return np.array(found, dtype=np.int64)
@@ -202,6 +212,11 @@ def _named(robot: Robot, joint: str, owner: str) -> list[int]:
     if joint not in names:
         raise RobotError(f"{owner}: {unknown_name('joint', joint, names)}")
     i = names.index(joint)
+    if widths[i] == 0:
+        raise RobotError(
+            f"{owner}: the joint {joint!r} has no velocity of its own (its library moves it with another joint); name the "
+            "joint that it follows."
+        )
     if widths[i] != 1:
         raise RobotError(
             f"{owner}: the joint {joint!r} has {widths[i]} velocities, so its name has no single index; give velocity indices "

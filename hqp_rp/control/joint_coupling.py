@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 
 from hqp_rp.control._checks import joint_indices
@@ -15,26 +19,34 @@ from hqp_rp.robot.robot import Robot
 class JointCoupling:
     """`v_j - p'(q_s - s_0) v_s = -gain * (q_j - j_0 - p(q_s - s_0))` for every joint j that follows a joint s by p.
 
-    p is a polynomial. The right-hand side takes out what the configuration has drifted by, or starts with.
+    p is a polynomial. The right-hand side takes out what the configuration has drifted by, or starts with, in no less than
+    one step; joints that are both locked while they are apart contradict it. A joint whose position is no coordinate of
+    q (a continuous joint in Pinocchio) has a straight p, and 0 on the right.
 
     Args:
-        couplings: what to hold; None means all that the robot's model states (`robot.couplings`).
-        gain: 1/s, >= 0.
+        couplings: what to hold, each a `hqp_rp.robot.Coupling` or a mapping of its fields; None means all that the robot's
+            model states (`robot.couplings`).
+        gain: 1/s, >= 0; 0 holds the velocities only.
         name: default "joint coupling".
 
     Raises:
-        SettingError: a gain out of its range.
+        SettingError: a gain out of its range, or something that is no coupling.
         RobotError: when it meets a robot without couplings, or without such joints.
     """
 
     __slots__ = ("_bound", "_couplings", "_gain", "_name", "_resolved")
 
     def __init__(
-        self, couplings: tuple[Coupling, ...] | None = None, *, gain: float = 1.0, name: str = "joint coupling"
+        self,
+        couplings: Sequence[Coupling | Mapping[str, Any]] | None = None,
+        *,
+        gain: float = 1.0,
+        name: str = "joint coupling",
     ) -> None:
-        if not isinstance(gain, int | float) or not 0.0 <= gain < np.inf:
+        if isinstance(gain, bool) or not isinstance(gain, int | float) or not 0.0 <= gain < np.inf:
             raise SettingError(f"the gain of {name!r} is {gain!r}; it must be a finite number >= 0, in 1/s.")
-        self._name, self._gain, self._couplings = name, float(gain), couplings
+        self._name, self._gain = name, float(gain)
+        self._couplings = None if couplings is None else _checked(couplings, name)
         self._bound: Robot | None = None
         self._resolved: list[tuple[int, int, int, int, Coupling]] = []
 
@@ -43,20 +55,26 @@ class JointCoupling:
         """What levels, reports and errors call the limit."""
         return self._name
 
+    @property
+    def couplings(self) -> tuple[Coupling, ...] | None:
+        """What it holds; None means all that the robot's model states."""
+        return self._couplings
+
     def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """One equality row for each coupling: G (m, nv), lower (m,) = upper (m,), rad/s or m/s; dt and v are not needed."""
+        """One equality row for each coupling: G (m, nv), lower (m,) = upper (m,), rad/s or m/s; v is not needed."""
         if robot is not self._bound:
             self._bind(robot)
         G, rhs = np.zeros((len(self._resolved), robot.nv)), np.zeros(len(self._resolved))
-        q = robot.q
+        q, gain = robot.q, min(self._gain, 1.0 / dt)
         for i, (own, own_q, source, source_q, coupling) in enumerate(self._resolved):
-            s = q[source_q] - coupling.reference if source >= 0 else 0.0
+            s = q[source_q] - coupling.reference if source_q >= 0 else 0.0
             powers = s ** np.arange(len(coupling.coefficients))
             G[i, own] = 1.0
             if source >= 0:
                 slopes = np.arange(1, len(coupling.coefficients)) * coupling.coefficients[1:]
                 G[i, source] = -float(slopes @ powers[:-1])
-            rhs[i] = -self._gain * (q[own_q] - coupling.own - float(np.dot(coupling.coefficients, powers)))
+            if own_q >= 0 and (source < 0 or source_q >= 0):
+                rhs[i] = -gain * (q[own_q] - coupling.own - float(np.dot(coupling.coefficients, powers)))
         return G, rhs, rhs
 
     def row_names(self, robot: Robot) -> list[str]:
@@ -72,8 +90,30 @@ class JointCoupling:
         for coupling in couplings:
             own = int(joint_indices(robot, [coupling.joint], owner)[0])
             source = -1 if coupling.source is None else int(joint_indices(robot, [coupling.source], owner)[0])
-            resolved.append((own, int(coordinates[own]), source, int(coordinates[source]), coupling))
+            source_q = -1 if source < 0 else int(coordinates[source])
+            if source >= 0 and source_q < 0 and any(coupling.coefficients[2:]):
+                raise RobotError(
+                    f"{owner}: {coupling.joint!r} follows {coupling.source!r} by a curve, but the position of the latter is no "
+                    "coordinate of q in this library; give two coefficients (offset, multiplier)."
+                )
+            resolved.append((own, int(coordinates[own]), source, source_q, coupling))
         self._resolved, self._bound = resolved, robot
 
     def __repr__(self) -> str:
         return f"JointCoupling({self._name!r})"
+
+
+def _checked(couplings: Any, name: str) -> tuple[Coupling, ...]:
+    fields = [field.name for field in dataclasses.fields(Coupling)]
+    given = list(couplings) if isinstance(couplings, list | tuple) else []
+    if not given or not all(isinstance(coupling, Coupling | Mapping) for coupling in given):
+        raise SettingError(
+            f"the couplings of {name!r} are {couplings!r}; give Couplings, or mappings of {', '.join(fields)}."
+        )
+    for coupling in given:
+        if isinstance(coupling, Mapping) and not {"joint", "coefficients"} <= set(coupling) <= set(fields):
+            raise SettingError(
+                f"the couplings of {name!r} hold {dict(coupling)!r}; it must have joint and coefficients, and may have source, "
+                "own, reference."
+            )
+    return tuple(one if isinstance(one, Coupling) else Coupling(**{"source": None, **one}) for one in given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Literal
 
 import numpy as np
@@ -82,6 +83,14 @@ class JointLimitPotential:
         if not counts.any():
             raise RobotError(
                 "a joint-limit potential needs a joint with two finite position limits; this robot has none."
+            )
+        balls = getattr(robot, "limited_balls", ())
+        if balls:
+            warnings.warn(
+                f"joint-limit potential: the ball joint {balls[0]!r} has a range, which the potential leaves out: it counts "
+                "hinges and slides only.",
+                UserWarning,
+                stacklevel=5,
             )
         self._coordinates = coordinate_index(robot, "joint-limit potential")
         self._mid, self._scale = np.zeros(robot.nv), np.zeros(robot.nv)

@@ -17,7 +17,7 @@ class LockedJoints:
     """`v_j = 0` for some joints, or for all but some.
 
     Args:
-        joints: names, patterns of names ("left_*") or velocity indices of those that are locked.
+        joints: names, patterns of names ("left_*") or velocity indices of those that are locked; they may overlap.
         all_but: of those that alone may move; everything else is locked, free and ball joints included.
         name: default "locked joints".
 
@@ -42,7 +42,9 @@ class LockedJoints:
                 raise SettingError(
                     f"{what} of {name!r} is {value!r}; give a sequence of joint names or velocity indices."
                 )
-        self._joints, self._all_but, self._name = joints, all_but, name
+        self._joints = None if joints is None else tuple(joints)
+        self._all_but = None if all_but is None else tuple(all_but)
+        self._name = name
         self._bound: Robot | None = None
         self._locked = np.zeros(0, dtype=np.int64)
 
@@ -56,7 +58,7 @@ class LockedJoints:
         if robot is not self._bound:
             named = self._joints if self._joints is not None else self._all_but
             assert named is not None
-            found = joint_indices(robot, named, f"limit {self._name!r}")
+            found = joint_indices(robot, named, f"limit {self._name!r}", distinct=False)
             self._locked = found if self._joints is not None else np.setdiff1d(np.arange(robot.nv), found)
             self._bound = robot
         G, zero = np.zeros((len(self._locked), robot.nv)), np.zeros(len(self._locked))

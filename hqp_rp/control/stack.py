@@ -281,27 +281,25 @@ class Stack:
         return rows
 
     def _warn_of_couplings(self, robot: Robot) -> None:
-        """What the model says of its joints and no item holds is said once."""
-        couplings = getattr(robot, "couplings", ())
-        if couplings and not any(isinstance(item, JointCoupling) for _, item in (*self._hard, *self._items)):
-            names = ", ".join(repr(coupling.joint) for coupling in couplings[:5]) + (
-                ", ..." if len(couplings) > 5 else ""
-            )
-            warnings.warn(
-                f"The robot's model says that the joints {names} follow others, which this stack does not hold; add "
-                "JointCoupling() to its limits.",
-                UserWarning,
-                stacklevel=4,
+        """What the model says of its joints and no item holds is said, in one warning."""
+        told = []
+        holding = [item.couplings for _, item in (*self._hard, *self._items) if isinstance(item, JointCoupling)]
+        held = {(coupling.joint, coupling.source) for own in holding for coupling in own or ()}
+        couplings = () if None in holding else getattr(robot, "couplings", ())
+        loose = [coupling.joint for coupling in couplings if (coupling.joint, coupling.source) not in held]
+        if loose:
+            told.append(
+                f"The robot's model says that the joints {_listed(loose)} follow others, which this stack does not hold; add "
+                "JointCoupling() to its limits."
             )
         loops = getattr(robot, "loops", ())
         if loops:
-            names = ", ".join(map(repr, loops[:5])) + (", ..." if len(loops) > 5 else "")
-            warnings.warn(
-                f"The robot's model has the equality constraints {names} (loops), which no stack holds: the answers may break "
-                "them.",
-                UserWarning,
-                stacklevel=4,
+            told.append(
+                f"The robot's model has the equality constraints {_listed(loops)} (loops), which no stack holds: the answers "
+                "may break them."
             )
+        if told:
+            warnings.warn(" ".join(told), UserWarning, stacklevel=4)
 
     def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str]]:
         """(limit, row) in words of each hard row."""
@@ -345,6 +343,10 @@ class Stack:
     def __repr__(self) -> str:
         hard = f", {len(self._limits)} hard" if self._limits else ""
         return f"Stack({' > '.join(self._names)}{hard})"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
 def _as_level(level: Item | Sequence[Item], k: int) -> tuple[Item, ...]:

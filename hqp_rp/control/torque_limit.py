@@ -35,7 +35,7 @@ class TorqueLimit:
 
     Args:
         limit: N m or N, > 0: one number, (nv,) numbers (infinite for none, as for a floating base), or a mapping from joint
-            name to number (none for the others). Only the limited velocities have rows.
+            name or pattern to number (none for the others). Only the limited velocities have rows.
         gravity: whether tau holds g. False for a robot that compensates its own gravity and gives its limit besides.
         coriolis: whether tau holds h; the robot then needs a method `bias(v)`, as `MujocoRobot` and `PinocchioRobot` have.
         name: default "joint torque".

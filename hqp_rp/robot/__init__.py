@@ -10,6 +10,7 @@ from hqp_rp.core.extras import require
 if TYPE_CHECKING:
     from hqp_rp.robot.arms import planar_arm, sawyer
     from hqp_rp.robot.batch import FrameBatch, frame_batch
+    from hqp_rp.robot.coupling import Coupling
     from hqp_rp.robot.dh import DHArm, Link
     from hqp_rp.robot.model_file import load_robot
     from hqp_rp.robot.mujoco_arm import arm_spec
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from hqp_rp.robot.robot import Robot
 
 __all__ = [
+    "Coupling",
     "DHArm",
     "FrameBatch",
     "Link",
@@ -33,6 +35,7 @@ __all__ = [
 
 # A robot library is imported when its adapter is first used, and never by `import hqp_rp.robot`.
 _LAZY = {
+    "Coupling": "coupling",
     "DHArm": "dh",
     "FrameBatch": "batch",
     "frame_batch": "batch",

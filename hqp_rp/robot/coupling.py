@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING
+
+from hqp_rp.core.errors import SettingError
 
 if TYPE_CHECKING:
     import mujoco
@@ -22,6 +25,20 @@ class Coupling:
     own: float = 0.0
     reference: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.joint, str) or not isinstance(self.source, str | None) or self.joint == self.source:
+            raise SettingError(
+                f"a coupling of {self.joint!r} to {self.source!r}: both must be names of joints, two different ones; the "
+                "second may be None."
+            )
+        numbers = (*self.coefficients, self.own, self.reference) if isinstance(self.coefficients, tuple | list) else ()
+        if not numbers or not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
+            raise SettingError(
+                f"the coupling of {self.joint!r} has coefficients {self.coefficients!r}, own {self.own!r}, reference "
+                f"{self.reference!r}; give finite numbers, such as coefficients (offset, multiplier)."
+            )
+        object.__setattr__(self, "coefficients", tuple(float(x) for x in self.coefficients))
+
 
 def couplings_of(model: mujoco.MjModel) -> tuple[tuple[Coupling, ...], tuple[str, ...]]:
     """The active joint couplings of a model, and the names of its other active equality constraints (loops)."""
@@ -32,7 +49,7 @@ def couplings_of(model: mujoco.MjModel) -> tuple[tuple[Coupling, ...], tuple[str
         if not model.eq_active0[i]:
             continue
         if model.eq_type[i] != mujoco.mjtEq.mjEQ_JOINT:
-            others.append(model.equality(i).name or f"unnamed_equality_{i}")
+            others.append(model.equality(i).name or _unnamed(model, i))
             continue
         first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         name, own = _joint(model, first)
@@ -47,6 +64,18 @@ def limited_balls(model: mujoco.MjModel) -> tuple[str, ...]:
 
     balls = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL and model.jnt_limited[j]]
     return tuple(_joint(model, j)[0] for j in balls)
+
+
+def _unnamed(model: mujoco.MjModel, i: int) -> str:
+    """What an equality constraint without a name is called: its type and what it ties, such as "connect of foot and crank"."""
+    import mujoco
+
+    kind = mujoco.mjtEq(int(model.eq_type[i])).name.removeprefix("mjEQ_").lower()
+    of = int(model.eq_objtype[i])
+    numbers = [int(n) for n in (model.eq_obj1id[i], model.eq_obj2id[i]) if n >= 0]
+    if not of:
+        return f"{kind} (number {i})"
+    return f"{kind} of " + " and ".join(mujoco.mj_id2name(model, of, n) or f"number {n}" for n in numbers)
 
 
 def _joint(model: mujoco.MjModel, j: int) -> tuple[str, float]:

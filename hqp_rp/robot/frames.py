@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import fnmatch
 import math
 from collections.abc import Iterable, Mapping
 
@@ -155,15 +156,23 @@ def checked_limit(
 ) -> FloatArray:
     """(nv,) velocity limits, read-only: one number for all, (nv,) numbers, or joint name -> number (others infinite).
 
+    A pattern of names ("left_*") stands for the hinges and slides that match it; a name outweighs it.
+
     Args:
         names, widths: the joints and how many velocities each has.
     """
     nv = sum(widths)
     if isinstance(value, Mapping):
-        for name in value:
+        stated: dict[str, float] = {}
+        for name, number in value.items():
             if name not in names:
-                raise RobotError(str(unknown_name("joint", name, names)))
-        parts = [np.full(width, float(value.get(name, math.inf))) for name, width in zip(names, widths, strict=True)]
+                scalar = [joint for joint, width in zip(names, widths, strict=True) if width == 1]
+                matching = fnmatch.filter(scalar, name) if any(sign in name for sign in "*?[") else []
+                if not matching:
+                    raise RobotError(f"velocity_limit: {unknown_name('joint', name, names)}")
+                stated |= dict.fromkeys(matching, float(number))
+        stated |= {name: float(number) for name, number in value.items() if name in names}
+        parts = [np.full(width, stated.get(name, math.inf)) for name, width in zip(names, widths, strict=True)]
         limit = np.concatenate(parts) if parts else np.zeros(0)
     else:
         limit = np.array(value, dtype=np.float64)

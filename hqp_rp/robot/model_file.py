@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import os
 import re
 import warnings
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
     import mujoco
 
 Path = str | os.PathLike[str]
+
+_SCALAR = ("revolute", "prismatic", "continuous")
 
 
 def load_robot(
@@ -80,72 +84,107 @@ def file_format(path: Path) -> Literal["mjcf", "urdf"]:
     )
 
 
-def urdf_velocity_limits(path: Path) -> dict[str, float]:
-    """Joint name -> velocity limit (rad/s or m/s) of a URDF file, for the joints that state one."""
+def urdf_velocity_limits(path: Path, *, warn: bool = True) -> dict[str, float]:
+    """Joint name -> velocity limit (rad/s or m/s) of a URDF file, for the joints that can move and state one.
+
+    Raises `RobotError` for a negative one; warns of those that are 0, unless told not to.
+    """
     limits = {}
-    for joint in parse_urdf(path).iter("joint"):
+    for joint in parse_urdf(path).iterfind("joint"):
         limit = joint.find("limit")
         value = None if limit is None else limit.get("velocity")
-        if value is not None:
+        if value is not None and joint.get("type") != "fixed":
             name = joint.get("name", "")
             limits[name] = _number(path, name, "velocity limit", value)
             if limits[name] < 0.0:
                 raise RobotError(
-                    f"The URDF file {os.fspath(path)!r}: joint {name!r} has the velocity limit {value}; it must be >= 0. Mend "
-                    "the file, or give velocity_limit."
+                    f"The URDF file {os.fspath(path)!r}: joint {name!r} has the velocity limit {value}; it must be >= 0; "
+                    "mend the file."
                 )
-            if limits[name] == 0.0 and joint.get("type") != "fixed":
-                warnings.warn(
-                    f"The URDF file {os.fspath(path)!r}: joint {name!r} has the velocity limit 0, so it may not move; give "
-                    "velocity_limit where that is not meant.",
-                    UserWarning,
-                    stacklevel=4,
-                )
+    still = [repr(name) for name, limit in limits.items() if limit == 0.0]
+    if still and warn:
+        one = len(still) == 1
+        _warn(
+            f"The URDF file {os.fspath(path)!r}: {'joint' if one else 'joints'} {', '.join(still)} {'has' if one else 'have'} "
+            f"the velocity limit 0, so {'it' if one else 'they'} may not move; give velocity_limit where that is not meant."
+        )
     return limits
 
 
-def urdf_locked(path: Path) -> dict[str, float]:
-    """Joint name -> position, rad or m, of the joints of a URDF whose stated lower and upper limits are equal.
+def urdf_position_limits(path: Path) -> dict[str, tuple[float, float]]:
+    """Joint name -> lower and upper, rad or m, of the revolute and prismatic joints of a URDF that state a limit.
 
-    A joint that states only one of them, or neither, is not among these: a URDF without limits reads as [0, 0].
-    Raises `RobotError` for a joint with lower > upper.
+    Of a joint that states one of the two the other is 0, as URDF has it. A joint that states neither, or one as 0 and not
+    the other, is taken for one without limits; of the latter, one warns. Raises `RobotError` for lower > upper.
     """
-    locked = {}
-    for joint in parse_urdf(path).iter("joint"):
+    limits, vague = {}, []
+    for joint in parse_urdf(path).iterfind("joint"):
         limit = joint.find("limit")
         if limit is None or joint.get("type") not in ("revolute", "prismatic"):
             continue
         low, high, name = limit.get("lower"), limit.get("upper"), joint.get("name", "")
-        if low is None or high is None:
+        if low is None and high is None:
             continue
-        lower, upper = _number(path, name, "lower limit", low), _number(path, name, "upper limit", high)
+        lower = _number(path, name, "lower limit", low or "0")
+        upper = _number(path, name, "upper limit", high or "0")
         if lower > upper:
-            raise RobotError(f"The URDF file {os.fspath(path)!r}: joint {name!r} has lower {low} > upper {high}.")
-        if lower == upper:
-            locked[name] = lower
-    return locked
+            left_out = "" if low and high else " (0 where it states none)"
+            raise RobotError(
+                f"The URDF file {os.fspath(path)!r}: joint {name!r} has lower {lower:g} > upper {upper:g}{left_out}; mend "
+                "the file."
+            )
+        if lower == upper and (low is None or high is None):
+            vague.append(name)
+        else:
+            limits[name] = (lower, upper)
+    if vague:
+        _warn(
+            f"The URDF file {os.fspath(path)!r}: {', '.join(map(repr, vague))} state one of lower and upper, as 0, and not the "
+            "other; taken for joints without limits. State both to lock them at 0."
+        )
+    return limits
 
 
 def urdf_mimics(path: Path) -> tuple[Coupling, ...]:
-    """What the `<mimic>` elements of a URDF file say."""
-    found = []
-    for joint in parse_urdf(path).iter("joint"):
+    """What the `<mimic>` elements of a URDF file say of joints that can move; a fixed joint that they follow is at 0.
+
+    Warns of those that follow a joint that the file does not have, or one that is not a hinge or slide: they are not kept.
+    """
+    joints = {joint.get("name", ""): joint for joint in parse_urdf(path).iterfind("joint")}
+    kinds = {name: "scalar" if joint.get("type") in _SCALAR else joint.get("type") for name, joint in joints.items()}
+    found, lost = [], []
+    for name, joint in joints.items():
         mimic = joint.find("mimic")
-        if mimic is not None:
-            name = joint.get("name", "")
-            offset = _number(path, name, "mimic offset", mimic.get("offset", "0"))
-            multiplier = _number(path, name, "mimic multiplier", mimic.get("multiplier", "1"))
-            found.append(Coupling(name, mimic.get("joint", ""), (offset, multiplier)))
+        if mimic is None or kinds[name] == "fixed":
+            continue
+        offset = _number(path, name, "mimic offset", mimic.get("offset", "0"))
+        multiplier = _number(path, name, "mimic multiplier", mimic.get("multiplier", "1"))
+        source = mimic.get("joint", "")
+        if kinds[name] != "scalar" or source == name or kinds.get(source) not in ("scalar", "fixed"):
+            lost.append(f"joint {name!r} mimics {source!r}")
+        elif kinds[source] == "fixed":
+            found.append(Coupling(name, None, (offset,)))
+        else:
+            found.append(Coupling(name, source, (offset, multiplier)))
+    if lost:
+        _warn(
+            f"The URDF file {os.fspath(path)!r}: {', '.join(lost)}, which is no other hinge or slide of the file, so that is "
+            "not kept; mend the file."
+        )
     return tuple(found)
 
 
+def _warn(message: str) -> None:
+    warnings.warn(message, UserWarning, stacklevel=5)
+
+
 def _number(path: Path, joint: str, what: str, value: str) -> float:
-    try:
-        return float(value)
-    except ValueError:
-        raise RobotError(
-            f"The URDF file {os.fspath(path)!r}: joint {joint!r} has the {what} {value!r}; it must be a number."
-        ) from None
+    with contextlib.suppress(ValueError):
+        if not math.isnan(number := float(value)):
+            return number
+    raise RobotError(
+        f"The URDF file {os.fspath(path)!r}: joint {joint!r} has the {what} {value!r}; it must be a number."
+    )
 
 
 def mujoco_spec(
@@ -175,6 +214,10 @@ def mujoco_spec(
         spec.compiler.fusestatic = False
         # It also gives a link without <inertial> the mass of its geometry as if of water; the file says none.
         spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+        for coupling in urdf_mimics(path):
+            if coupling.source is None:  # MuJoCo leaves out what follows a fixed joint
+                held = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=coupling.joint)
+                held.data[:5] = (*coupling.coefficients, 0.0, 0.0, 0.0, 0.0)
     if floating_base:
         require_floatable(path)
         for body in spec.worldbody.bodies:
@@ -193,11 +236,6 @@ def mujoco_model(
     spec = mujoco_spec(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
     try:
         model = spec.compile()
-        if file_format(path) == "urdf":  # MuJoCo takes equal limits for none
-            for name, value in urdf_locked(path).items():
-                joint = model.joint(name).id
-                model.jnt_range[joint], model.jnt_limited[joint] = value, 1
-        return model
     except ValueError as error:
         hint = ""
         if "inertia" in str(error) and not repair_inertias:
@@ -205,6 +243,12 @@ def mujoco_model(
         elif meshes and spec.meshes:
             hint = " Its mesh files can be left out with meshes=False."
         raise RobotError(f"MuJoCo does not compile {os.fspath(path)!r}: {one_line(error)}{hint}") from error
+    if file_format(path) == "urdf":  # MuJoCo takes equal limits for none, and one of two for none
+        for name, limits in urdf_position_limits(path).items():
+            joint = model.joint(name).id
+            if not model.jnt_limited[joint]:
+                model.jnt_range[joint], model.jnt_limited[joint] = limits, 1
+    return model
 
 
 def parse_urdf(path: Path) -> ElementTree.Element:

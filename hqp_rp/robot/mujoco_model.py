@@ -36,7 +36,7 @@ def model_name(model: mujoco.MjModel) -> str:
 def keyframe(model: mujoco.MjModel, name: str) -> FloatArray:
     """(nq,) the configuration of the keyframe of that name. Raises `RobotError`, which lists the ones there are."""
     names = [model.key(i).name for i in range(model.nkey)]
-    if name not in names:
+    if not name or name not in names:
         has = ", ".join(sorted(filter(None, names))) or "none"
         raise RobotError(f"The MuJoCo model {model_name(model)!r} has no keyframe {name!r}; it has {has}.")
     return np.array(model.key_qpos[names.index(name)])

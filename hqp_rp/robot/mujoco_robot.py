@@ -140,19 +140,23 @@ class MujocoRobot(ModelRobot):
             velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
             neutral: (nq,) the reference configuration, or the name of a keyframe; default MuJoCo's `qpos0`.
 
-        A URDF joint whose lower and upper limits are stated and equal is locked there.
+        A URDF joint whose lower and upper limits are stated and equal is locked there; where it states one of them, the
+        other is 0. What a `<mimic>` says is in `couplings`.
 
         Raises:
             RobotError: no such file, a file that MuJoCo does not read or compile (with its message), or an argument
                 that does not fit; a URDF joint with lower > upper or a negative velocity limit.
 
         Warns:
-            UserWarning: a URDF joint with velocity limit 0, which may not move; a neutral configuration outside the limits.
+            UserWarning: a URDF joint with velocity limit 0, which may not move, with one limit, stated as 0, or that mimics
+                what cannot be followed; a neutral configuration outside the limits.
         """
         model = mujoco_model(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
-        if velocity_limit is None and file_format(path) == "urdf":
+        if file_format(path) == "urdf":
+            stated = urdf_velocity_limits(path, warn=velocity_limit is None)
             joints = {model.joint(j).name for j in range(model.njnt)}
-            velocity_limit = {name: value for name, value in urdf_velocity_limits(path).items() if name in joints}
+            if velocity_limit is None:
+                velocity_limit = {name: value for name, value in stated.items() if name in joints}
         return cls(model, velocity_limit=velocity_limit, neutral=neutral)
 
     @classmethod

@@ -22,12 +22,12 @@ from hqp_rp.robot.model_file import (
     one_line,
     parse_urdf,
     require_floatable,
-    urdf_locked,
     urdf_mimics,
+    urdf_position_limits,
     urdf_velocity_limits,
 )
 from hqp_rp.robot.model_robot import ModelRobot
-from hqp_rp.robot.mujoco_model import keyframe
+from hqp_rp.robot.mujoco_model import keyframe, position_limits
 from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -60,6 +60,11 @@ class PinocchioRobot(ModelRobot):
 
     Raises:
         RobotError: a limit or a configuration that does not fit the model.
+
+    Warns:
+        UserWarning: a neutral configuration outside the joint limits.
+
+    A `pinocchio.Model` does not say whether limits [0, 0] were stated: they are taken for none. `from_file` knows.
     """
 
     def __init__(
@@ -69,6 +74,11 @@ class PinocchioRobot(ModelRobot):
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
         neutral: ArrayLike | None = None,
     ) -> None:
+        self._read(model, velocity_limit)
+        self._begin_at(neutral)
+
+    def _read(self, model: Any, velocity_limit: ArrayLike | Mapping[str, float] | None) -> None:
+        """Everything but the neutral configuration."""
         if not isinstance(model, pin.Model):
             raise RobotError(
                 f"model is a {type(model).__name__}; give a pinocchio.Model, or use PinocchioRobot.from_file."
@@ -91,10 +101,18 @@ class PinocchioRobot(ModelRobot):
         # Mass matrix and centre of mass overwrite what the frame Jacobians are read from: they get data of their own.
         self._data = model.createData()
         self._dynamics = model.createData()
-        neutral = pin.neutral(model) if neutral is None else neutral
+
+    def _begin_at(self, neutral: ArrayLike | str | None) -> None:
+        """Take this for the neutral configuration, and be there; outside the limits as they are now, that is said."""
+        if isinstance(neutral, str):
+            raise RobotError(
+                f"neutral is {neutral!r}, but a URDF has no keyframes, nor has {self._name}; give {self._nq} numbers."
+            )
+        neutral = pin.neutral(self._model) if neutral is None else neutral
         self._checked(neutral, "neutral")
         self._neutral = frozen(np.array(neutral, dtype=np.float64))
         self.update(self._neutral)
+        self._warn_of_neutral(self._neutral, _scalar_coordinates(self._model))
 
     @classmethod
     def from_arm(cls, arm: DHArm) -> PinocchioRobot:
@@ -139,8 +157,8 @@ class PinocchioRobot(ModelRobot):
             source = mujoco_model(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
             return cls.from_mujoco(source, velocity_limit=velocity_limit, neutral=neutral)
         parse_urdf(path)
-        urdf_velocity_limits(path)
-        locked = urdf_locked(path)
+        urdf_velocity_limits(path, warn=velocity_limit is None)
+        stated = urdf_position_limits(path)
         if floating_base:
             require_floatable(path)
         try:
@@ -150,14 +168,15 @@ class PinocchioRobot(ModelRobot):
             raise RobotError(
                 f"Pinocchio does not read {os.fspath(path)!r}: {one_line(error)} Its reader names the reason on stderr."
             ) from error
-        if isinstance(neutral, str):
-            raise RobotError(f"neutral is {neutral!r}, but a URDF has no keyframes; give {model.nq} numbers.")
-        robot = cls(model, velocity_limit=velocity_limit, neutral=neutral)
+        robot = cls.__new__(cls)
+        robot._read(model, velocity_limit)
         robot._couplings = urdf_mimics(path)
-        for name, value in locked.items():
-            joint = model.getJointId(name)
-            robot._lock(int(model.idx_vs[joint]), value)
-        robot._warn_of_neutral(robot.neutral, _scalar_coordinates(model))
+        lower, upper = robot._lower.copy(), robot._upper.copy()
+        for name, limits in stated.items():
+            i = int(model.idx_vs[model.getJointId(name)])
+            lower[i], upper[i] = limits
+        robot._lower, robot._upper = frozen(lower), frozen(upper)
+        robot._begin_at(neutral)
         return robot
 
     @classmethod
@@ -177,17 +196,13 @@ class PinocchioRobot(ModelRobot):
         if neutral is None or isinstance(neutral, str):
             q = source.qpos0 if neutral is None else keyframe(source, neutral)
             neutral = configuration_from_mujoco(source, q)
-        robot = cls(model_from_mujoco(source, names), velocity_limit=velocity_limit, neutral=neutral)
+        robot = cls.__new__(cls)
+        robot._read(model_from_mujoco(source, names), velocity_limit)
         robot._couplings, robot._loops = couplings_of(source)
         robot._limited_balls = limited_balls(source)
-        robot._warn_of_neutral(robot.neutral, _scalar_coordinates(robot.model))
+        robot._lower, robot._upper = position_limits(source)
+        robot._begin_at(neutral)
         return robot
-
-    def _lock(self, velocity: int, value: float) -> None:
-        """The joint of this velocity index has one position."""
-        lower, upper = self._lower.copy(), self._upper.copy()
-        lower[velocity] = upper[velocity] = value
-        self._lower, self._upper = frozen(lower), frozen(upper)
 
     @property
     def model(self) -> Any:
@@ -274,7 +289,9 @@ class PinocchioRobot(ModelRobot):
 def _rebuild(
     model: Any, limit: FloatArray, neutral: FloatArray, q: FloatArray, stated: dict[str, Any]
 ) -> PinocchioRobot:
-    robot = PinocchioRobot(model, velocity_limit=limit, neutral=neutral)
+    robot = PinocchioRobot.__new__(PinocchioRobot)
+    robot._read(model, limit)
+    robot._neutral = frozen(neutral)
     for name, value in stated.items():
         setattr(robot, name, value)
     robot.update(q)

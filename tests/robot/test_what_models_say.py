@@ -10,9 +10,19 @@ import numpy as np
 import pytest
 
 from hqp_rp import HqpError, RobotError, SettingError, solve
-from hqp_rp.control import JointCoupling, JointLimit, LockedJoints, PositionTask, PostureTask, Stack, VelocityLimit
+from hqp_rp.control import (
+    JointCoupling,
+    JointLimit,
+    JointLimitPotential,
+    LockedJoints,
+    PositionTask,
+    PostureTask,
+    Stack,
+    TorqueLimit,
+    VelocityLimit,
+)
 from hqp_rp.control.stack_file import parse_stack
-from hqp_rp.robot import MujocoRobot, load_robot
+from hqp_rp.robot import Coupling, MujocoRobot, PinocchioRobot, load_robot
 
 LIBRARIES = pytest.mark.parametrize("library", ["mujoco", "pinocchio"])
 LINK = (
@@ -79,6 +89,15 @@ def test_names_beside_a_free_joint(tmp_path: Path) -> None:
         PostureTask(robot.neutral, joints=["arm_*"]).evaluate(robot)
     with pytest.raises(RobotError, match="a joint is given twice"):
         PostureTask(robot.neutral, joints=["left_*", "left_hip"]).evaluate(robot)
+    for joint in (1.5, None, True):
+        with pytest.raises(
+            RobotError, match=rf"{joint} is no joint; give a name, a pattern such as 'left_\*', or a velocity"
+        ):
+            PostureTask(robot.neutral, joints=[joint]).evaluate(robot)  # type: ignore[list-item]
+    torque = TorqueLimit({"left_*": 5.0, "left_hip": 7.0})
+    np.testing.assert_allclose(np.subtract(*torque.rows(robot, 0.01, np.zeros(robot.nv))[:0:-1]), [14.0, 10.0])
+    box = JointLimit(velocity={"*": 3.0}, acceleration={"*_knee": 10.0}).rows(robot, 0.1, np.zeros(robot.nv))
+    np.testing.assert_allclose(box[2][[0, 7, 8]], [np.inf, 1.0, 3.0])
 
 
 def test_locked_joints(tmp_path: Path) -> None:
@@ -88,6 +107,7 @@ def test_locked_joints(tmp_path: Path) -> None:
         (LockedJoints(["left_*"]), [6, 7]),
         (LockedJoints(all_but=["left_hip", "left_knee"]), [*range(6), 8, 9, 10, 11]),
         (LockedJoints([0, 1, "right_hip"]), [0, 1, 8]),
+        (LockedJoints(["left_*", "*_hip", 7]), [6, 7, 8]),
     ):
         x = solve(Stack(tasks, [limit]).problem(robot, 0.01), "hierarchical_active_set").x
         assert x is not None
@@ -98,6 +118,21 @@ def test_locked_joints(tmp_path: Path) -> None:
             LockedJoints(**named)  # type: ignore[arg-type]
     file = 'dt = 0.01\n[[level]]\n[[level.task]]\ntype = "posture"\n[[limit]]\ntype = "locked"\njoints = ["*_hip"]\n'
     assert parse_stack(file).stack(robot).problem(robot, 0.01).hard_rows == 2
+    with pytest.raises(RobotError, match=r"no hinge or slide matches 'arm_\*'; the joints are root"):
+        parse_stack(file.replace("*_hip", "arm_*")).stack(robot)
+    names = ["left_*"]
+    limit = LockedJoints(names)
+    names.append("right_hip")
+    assert len(limit.rows(robot, 0.01, None)[0]) == 2
+
+
+@LIBRARIES
+def test_names_of_joints_in_the_velocity_limit_of_a_robot(tmp_path: Path, library: str) -> None:
+    path = urdf(tmp_path)
+    robot = load_robot(path, library, floating_base=True, velocity_limit={"j[12]": 1.0, "j2": 3.0, "root_joint": 4.0})
+    np.testing.assert_array_equal(robot.velocity_limit, [4.0] * 6 + [1.0, 3.0, np.inf])
+    with pytest.raises(RobotError, match=r"velocity_limit: There is no joint named 'k\*'. Valid: j1, j2, j3"):
+        load_robot(path, library, velocity_limit={"k*": 1.0})
 
 
 @LIBRARIES
@@ -115,6 +150,34 @@ def test_equal_limits_lock_a_joint(tmp_path: Path, library: str, value: float) -
     assert abs(x[1]) < 1e-12
 
 
+def test_a_joint_locked_at_0_in_a_compiled_model(tmp_path: Path) -> None:
+    source = MujocoRobot.from_file(urdf(tmp_path, (0, 0, 2, "")))
+    robot = PinocchioRobot.from_mujoco(source.model)
+    np.testing.assert_array_equal(robot.lower, source.lower)
+    np.testing.assert_array_equal(robot.upper, [1.0, 0.0, 1.0])
+
+
+@LIBRARIES
+@pytest.mark.parametrize(("stated", "limits"), [('lower="-0.5"', (-0.5, 0.0)), ('upper="0.5"', (0.0, 0.5))])
+def test_one_limit_of_two(tmp_path: Path, library: str, stated: str, limits: tuple[float, float]) -> None:
+    path = urdf(tmp_path)
+    text = path.read_text().replace('lower="-1" upper="1"', "@").replace("@", 'lower="-1" upper="1"', 1)
+    path.write_text(text.replace("@", stated, 1).replace("@", 'lower="-1" upper="1"'))
+    robot = load_robot(path, library)
+    assert (robot.lower[1], robot.upper[1]) == limits
+    path.write_text(path.read_text().replace(stated, 'lower="0"'))
+    with pytest.warns(
+        UserWarning, match="'j2' state one of lower and upper, as 0, and not the other; taken for joints"
+    ):
+        robot = load_robot(path, library)
+    assert np.isinf([robot.lower[1], robot.upper[1]]).all()
+    path.write_text(path.read_text().replace('lower="0"', 'lower="0.4"'))
+    with pytest.raises(
+        RobotError, match=r"^The URDF .*'j2' has lower 0.4 > upper 0 \(0 where it states none\); mend the"
+    ):
+        load_robot(path, library)
+
+
 @LIBRARIES
 def test_limits_that_make_no_sense(tmp_path: Path, library: str) -> None:
     with pytest.raises(RobotError, match="joint 'j2' has lower 1 > upper -1"):
@@ -123,6 +186,19 @@ def test_limits_that_make_no_sense(tmp_path: Path, library: str) -> None:
         load_robot(urdf(tmp_path, (-1, 1, -2, "")), library)
     with pytest.warns(UserWarning, match="joint 'j2' has the velocity limit 0, so it may not move"):
         load_robot(urdf(tmp_path, (-1, 1, 0, "")), library)
+    for given in (None, 1.0):
+        with pytest.raises(RobotError, match="joint 'j2' has the velocity limit -2"):
+            load_robot(urdf(tmp_path, (-1, 1, -2, "")), library, velocity_limit=given)
+    with pytest.raises(RobotError, match="joint 'j2' has the upper limit 'nan'; it must be a number"):
+        load_robot(urdf(tmp_path, (-1, "nan", 2, "")), library)
+    path = urdf(tmp_path, (-1, 1, 0, ""))
+    np.testing.assert_array_equal(load_robot(path, library, velocity_limit=1.0).velocity_limit, [1.0] * 3)
+    path.write_text(path.read_text().replace('velocity="2"', 'velocity="0"'))
+    with pytest.warns(
+        UserWarning, match="joints 'j1', 'j2', 'j3' have the velocity limit 0, so they may not move"
+    ) as told:
+        load_robot(path, library)
+    assert len(told) == 1
 
 
 @LIBRARIES
@@ -144,6 +220,73 @@ def test_a_joint_that_follows_another(tmp_path: Path, library: str) -> None:
         UserWarning, match=r"joints 'j2' follow others, which this stack does not hold; add JointCoupling\(\)"
     ):
         Stack([task]).problem(robot)
+
+
+@LIBRARIES
+def test_a_joint_that_follows_a_fixed_one_or_none(tmp_path: Path, library: str) -> None:
+    mimic = '<mimic joint="j1" multiplier="2" offset="0.5"/>'
+    path = urdf(tmp_path, (-1, 1, 2, mimic))
+    path.write_text(path.read_text().replace('name="j1" type="revolute"', 'name="j1" type="fixed"'))
+    robot = load_robot(path, library)
+    G, lower, upper = JointCoupling(gain=2.0).rows(robot, 0.01, None)
+    assert G.tolist() == [[1.0, 0.0]]
+    assert lower.tolist() == upper.tolist() == [1.0]  # j2 goes to 0.5
+    path.write_text(
+        urdf(tmp_path, (-1, 1, 2, mimic)).read_text().replace('name="j2" type="revolute"', 'name="j2" type="fixed"')
+    )
+    assert load_robot(path, library).couplings == ()  # type: ignore[attr-defined]
+    for absent in ("jx", "j2"):
+        path = urdf(tmp_path, (-1, 1, 2, f'<mimic joint="{absent}"/>'))
+        if absent == "j2" and library == "mujoco":
+            continue  # MuJoCo does not compile it
+        with pytest.warns(
+            UserWarning, match=f"joint 'j2' mimics '{absent}', which is no other hinge or slide of the file, so"
+        ):
+            assert load_robot(path, library).couplings == ()  # type: ignore[attr-defined]
+
+
+@LIBRARIES
+def test_continuous_joints_that_follow(tmp_path: Path, library: str) -> None:
+    path = urdf(tmp_path, (-1, 1, 2, '<mimic joint="j1" multiplier="2"/>'))
+    path.write_text(path.read_text().replace('type="revolute"', 'type="continuous"', 2))
+    robot = load_robot(path, library)
+    robot.update(robot.integrate(robot.neutral, np.array([0.2, 0.4, 0.3]), 1.0))
+    G, lower, _ = JointCoupling().rows(robot, 0.01, None)
+    assert G.tolist() == [[-2.0, 1.0, 0.0]]
+    assert lower[0] == pytest.approx(0.0, abs=1e-15)
+    if library == "pinocchio":
+        curve = JointCoupling([Coupling("j2", "j1", (0.0, 1.0, 1.0))])
+        with pytest.raises(
+            RobotError, match="'j2' follows 'j1' by a curve, but the position of the latter is no coordinate"
+        ):
+            curve.rows(robot, 0.01, None)
+
+
+def test_couplings_of_ones_own(tmp_path: Path) -> None:
+    mimic = '<mimic joint="j1" multiplier="2"/>'
+    path = urdf(tmp_path, (-1, 1, 2, mimic))
+    path.write_text(path.read_text().replace('effort="1"/></joint></robot>', f'effort="1"/>{mimic}</joint></robot>'))
+    robot = load_robot(path)
+    first, second = robot.couplings  # type: ignore[attr-defined]
+    with pytest.warns(UserWarning, match="the joints 'j3' follow others"):
+        Stack([PostureTask(robot.neutral)], [JointCoupling([first])]).problem(robot, 0.01)
+    Stack([PostureTask(robot.neutral)], [JointCoupling([first]), JointCoupling([second])]).problem(robot, 0.01)
+    robot.update(np.array([0.0, 0.1, 0.0]))
+    _, lower, _ = JointCoupling([first], gain=1e3).rows(robot, 0.1, None)
+    assert lower == pytest.approx(-1.0)  # in one step there, not beyond
+    file = 'dt = 0.01\n[[level]]\n[[level.task]]\ntype = "posture"\n[[limit]]\ntype = "coupling"\n'
+    follows = '{{joint = "{}", source = "j1", coefficients = [0, 2]}}'
+    file += f"couplings = [{follows.format('j2')}, {follows.format('j3')}]"
+    assert parse_stack(file).stack(robot).problem(robot, 0.01).hard_rows == 2
+    for couplings, message in (
+        ([("j2", "j1")], "the couplings of 'joint coupling' are .* give Couplings, or mappings of joint, source"),
+        ((), "give Couplings, or mappings"),
+        ([{"joint": "j2"}], "it must have joint and coefficients, and may have source, own, reference"),
+        ([{"joint": "j2", "source": "j2", "coefficients": [1.0]}], "both must be names of joints, two different ones"),
+        ([{"joint": "j2", "source": "j1", "coefficients": [np.nan]}], "give finite numbers, such as coefficients"),
+    ):
+        with pytest.raises(SettingError, match=message):
+            JointCoupling(couplings)  # type: ignore[arg-type]
 
 
 def test_the_rows_of_a_coupling_are_a_derivative(tmp_path: Path) -> None:
@@ -175,6 +318,18 @@ def test_a_loop_is_said(tmp_path: Path) -> None:
     assert robot.loops == ("loop",)
     with pytest.warns(UserWarning, match=r"the equality constraints 'loop' \(loops\), which no stack holds"):
         Stack([PostureTask(robot.neutral)]).problem(robot)
+    more = """<equality><connect body1="left_foot" body2="right" anchor="0 0 0"/><weld body1="head" active="false"/>
+        <joint joint1="left_knee" joint2="left_hip"/></equality>"""
+    robot = floating(tmp_path, more=more)
+    with pytest.warns(
+        UserWarning, match=r"'left_knee' follow others.* constraints 'connect of left_foot and right'"
+    ) as told:
+        Stack([PostureTask(robot.neutral)]).problem(robot)
+    assert len(told) == 1
+    with pytest.warns(
+        UserWarning, match=r"^The robot's model has the equality constraints 'connect of left_foot and right'"
+    ):
+        Stack([PostureTask(robot.neutral)], [JointCoupling()]).problem(robot, 0.01)
 
 
 def test_a_ball_joint_with_a_range(tmp_path: Path) -> None:
@@ -183,6 +338,8 @@ def test_a_ball_joint_with_a_range(tmp_path: Path) -> None:
     with pytest.raises(RobotError, match="the ball joint 'neck' has a range, which no box on velocities holds"):
         JointLimit().rows(robot, 0.01, np.zeros(robot.nv))
     JointLimit(position=False, velocity=1.0).rows(robot, 0.01, np.zeros(robot.nv))
+    with pytest.warns(UserWarning, match="the ball joint 'neck' has a range, which the potential leaves out"):
+        JointLimitPotential().velocity(robot)
 
 
 def test_keyframes(tmp_path: Path) -> None:
@@ -192,6 +349,10 @@ def test_keyframes(tmp_path: Path) -> None:
     np.testing.assert_allclose(other.neutral[7:10], [0.1, 0.2, 0.3])
     with pytest.raises(RobotError, match="has no keyframe 'stand'; it has home"):
         floating(tmp_path, neutral="stand")
+    with pytest.raises(RobotError, match="has no keyframe ''; it has home"):
+        floating(tmp_path, neutral="")
+    with pytest.raises(RobotError, match="neutral is 'home', but a URDF has no keyframes, nor has the Pinocchio model"):
+        PinocchioRobot(PinocchioRobot.from_file(urdf(tmp_path)).model, neutral="home")
     with pytest.raises(RobotError, match="a URDF has no keyframes"):
         load_robot(urdf(tmp_path), "pinocchio", neutral="home")
 
@@ -204,6 +365,16 @@ def test_a_neutral_outside_the_limits_is_said(tmp_path: Path) -> None:
         UserWarning, match=r"joint 'left_knee' at -0.3, outside its limits \[0, 1.5708\]; give another with neutral="
     ):
         MujocoRobot(robot.model, neutral=q)
+    path = urdf(tmp_path)
+    other = PinocchioRobot.from_file(path)
+    for make in (
+        lambda: PinocchioRobot(other.model, neutral=[0.0, 2.0, 0.0]),
+        lambda: PinocchioRobot.from_file(path, neutral=[0.0, 2.0, 0.0]),
+    ):
+        with pytest.warns(UserWarning, match="joint 'j2' at 2, outside its limits") as told:
+            made = make()
+        assert len(told) == 1
+        assert pickle.loads(pickle.dumps(made)).neutral.tolist() == [0.0, 2.0, 0.0]  # said once, not again
 
 
 @LIBRARIES
