@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from hqp_rp.core.errors import MissingExtraError
 from hqp_rp.core.extras import require_report
+
+READER_GONE = 141
+"""The exit code of a program whose reader closed the pipe, as shells have it."""
 
 
 def main() -> int:
@@ -17,7 +21,13 @@ def main() -> int:
         return 2
     from hqp_rp.compare.command_line import main as command_line
 
-    return command_line()
+    try:
+        code = command_line()
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever read the output has enough of it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return READER_GONE
+    return code
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 from hqp_rp.core.errors import SettingError, unknown_name, unknown_setting
 from hqp_rp.core.extras import require
+from hqp_rp.core.plugins import plugins
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution
 from hqp_rp.core.solver import Solver
@@ -100,11 +101,11 @@ def _registry() -> dict[str, type[Scenario]]:
                 and not inspect.isabstract(item)
             ):
                 found[item.name] = item
-    return found
+    return found | plugins("hqp_rp.scenarios", Scenario, found)  # type: ignore[type-abstract]
 
 
 def all_scenarios() -> dict[str, type[Scenario]]:
-    """Every scenario in the scenarios folder: name -> class, sorted by name."""
+    """Every scenario in the scenarios folder, and those of other packages' entry points: name -> class, sorted by name."""
     return dict(sorted(_registry().items()))
 
 

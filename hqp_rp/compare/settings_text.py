@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import importlib
 import inspect
 from typing import Any
 
@@ -20,7 +21,7 @@ _POLICIES: dict[str, type[Damping]] = {
 
 
 def parse_contestant(text: str) -> Solver:
-    """The solver that `name` or `name:key=value,key=value` stands for.
+    """The solver that `name` or `name:key=value,key=value` stands for; in place of a name also `package.module:Class`.
 
     Values are read by the type of the setting's default: numbers, true / false, words, lists of numbers, and damping
     policies as they are printed: none, constant(0.1), variable(delta=0.1, maximum=0.1), truncation(0.01).
@@ -31,9 +32,14 @@ def parse_contestant(text: str) -> Solver:
     """
     name, _, rest = text.partition(":")
     name = name.strip()
-    if name not in all_solvers():
-        raise unknown_name("solver", name, all_solvers())
-    kind = all_solvers()[name]
+    if name in all_solvers():
+        kind = all_solvers()[name]
+    else:
+        class_name, _, rest = rest.partition(":")
+        if not class_name.strip().isidentifier():
+            raise unknown_name("solver", name, all_solvers())
+        kind = _imported(name, class_name.strip())
+        name = f"{name}:{class_name.strip()}"
     defaults = {field.name: field for field in dataclasses.fields(kind) if field.init}
     settings: dict[str, Any] = {}
     for pair in _split(rest, text):
@@ -45,7 +51,18 @@ def parse_contestant(text: str) -> Solver:
         if key in settings:
             raise SettingError(f"{text!r}: the setting {key} is given twice.")
         settings[key] = _value(defaults[key].default, value, f"{text!r}: {key}")
-    return get_solver(name, **settings)
+    return get_solver(kind, **settings)
+
+
+def _imported(module: str, name: str) -> type[Solver]:
+    """A solver class of somebody's own module. Raises `SettingError`."""
+    try:
+        found = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise SettingError(f"{module}:{name} cannot be imported: {error}") from error
+    if not (inspect.isclass(found) and issubclass(found, Solver)) or inspect.isabstract(found):
+        raise SettingError(f"{module}:{name} is {found!r}; it must be a subclass of hqp_rp.Solver.")
+    return found
 
 
 def _split(text: str, whole: str) -> list[str]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hqp_rp.core.errors import ProblemError, SettingError, unknown_name, unknown_setting
+from hqp_rp.core.plugins import plugins
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.tolerances import RANK, SOLVED
@@ -127,11 +128,11 @@ def _registry() -> dict[str, type[Solver]]:
                 and not inspect.isabstract(item)
             ):
                 found[item.name] = item
-    return found
+    return found | plugins("hqp_rp.solvers", Solver, found)  # type: ignore[type-abstract]
 
 
 def all_solvers() -> dict[str, type[Solver]]:
-    """Every solver in the solvers folder: name -> class, sorted by name."""
+    """Every solver in the solvers folder, and those of other packages' entry points: name -> class, sorted by name."""
     return dict(sorted(_registry().items()))
 
 
