@@ -15,6 +15,7 @@ from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.joint_limit_potential import JointLimitPotential
 from hqp_rp.control.limit import Limit, VelocityLimit
 from hqp_rp.control.locked_joints import LockedJoints
+from hqp_rp.control.motion_runner import MotionRunner
 from hqp_rp.control.orientation_task import OrientationTask
 from hqp_rp.control.pointing_task import PointingTask
 from hqp_rp.control.pose_task import PoseTask
@@ -45,6 +46,7 @@ __all__ = [
     "Limit",
     "LockedJoints",
     "Mode",
+    "MotionRunner",
     "OrientationTask",
     "PointingTask",
     "PoseTask",
