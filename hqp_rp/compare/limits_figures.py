@@ -193,4 +193,4 @@ def _margin(case: LimitCase) -> str:
 
 def _slug(case: LimitCase, kind: str) -> str:
     name = type(case.case.scenario).name
-    return "-".join(part for part in (words(name), kind, case.case.name) if part).replace(" ", "-")
+    return "-".join(part for part in (words(name), kind, case.case.name) if part).replace(" ", "-").replace(",", "")

@@ -45,7 +45,7 @@ def grid(
     name = type(scenario).name
     drawn = {label for row in panels for label in row}
     groups = [(group, labels) for group, labels in grouped(contestants) if drawn & set(labels)]
-    slug = "-".join(part for part in (name, kind, case) if part).replace("_", "-").replace(" ", "-")
+    slug = "-".join(part for part in (name, kind, case) if part).replace("_", "-").replace(" ", "-").replace(",", "")
     errors = [row.endswith("excess error") for row in rows]
     labelled = list(zip(rows, errors, strict=True))
     return Lines(
