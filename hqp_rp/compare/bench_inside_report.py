@@ -151,8 +151,8 @@ def _qps(inside: Inside) -> Table:
     caption = (
         "The QPs that the cascade hands to ProxQP on these problems, recorded, then updated and solved again on the same "
         "objects. On levels of equalities alone such a QP has no rows, and the Hessian M^T M of the triangle M to which the "
-        "cascade has turned the level's rows in the freedom left: there the ratio is the cost of turning and of polishing, which "
-        "no QP contains. difference: the largest relative one between a replayed answer and the recorded one."
+        "cascade has turned the level's rows in the freedom left: there the ratio is the cost of turning and of polishing, "
+        "which no QP contains. difference: the largest relative one between a replayed answer and the recorded one."
     )
     header = ("family", "cascade over its QPs", "QPs a solve", "qp_cascade, us", "its QPs, us", "difference")
     return Table("qp_cascade on ProxQP beside its own native QPs", header, rows, caption)
