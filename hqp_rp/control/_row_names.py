@@ -8,14 +8,12 @@ from hqp_rp.robot.robot import Robot
 
 
 def row_names(item: Any, robot: Robot, count: int) -> list[str]:
-    """One name for each of an item's rows: its own `row_names(robot)`, joints where it has one row for each, else numbers."""
+    """One name for each of an item's `count` rows: its own `row_names(robot)` where it has as many, else numbers."""
     own = getattr(item, "row_names", None)
     if own is not None:
         names = [str(name) for name in own(robot)]
         if len(names) == count:
             return names
-    if count == robot.nv:
-        return velocity_names(robot)
     return ["its row"] if count == 1 else [f"row {i}" for i in range(count)]
 
 

@@ -79,6 +79,8 @@ class JointCoupling:
 
     def row_names(self, robot: Robot) -> list[str]:
         """Who follows whom."""
+        if robot is not self._bound:
+            self._bind(robot)
         return [f"{coupling.joint} after {coupling.source}" for *_, coupling in self._resolved]
 
     def _bind(self, robot: Robot) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import positive_number, real_array
 from hqp_rp.control._coordinates import coordinate_index
 from hqp_rp.control._native_rows import Layout, NativeLimit
+from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray
@@ -86,6 +87,10 @@ class JointLimit(NativeLimit):
     def name(self) -> str:
         """What levels, reports and errors call the limit."""
         return self._name
+
+    def row_names(self, robot: Robot) -> list[str]:
+        """The joints, one for each velocity."""
+        return velocity_names(robot)
 
     def _layout(self, robot: Robot) -> Layout:
         coordinates = [-1] * robot.nv

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import is_pattern, joint_indices, real_array
 from hqp_rp.control._native_rows import Layout, NativeLimit
+from hqp_rp.control._row_names import velocity_names
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.row_kinds import BOX
@@ -23,7 +24,8 @@ class Limit(Protocol):
     """Two-sided rows `lower <= G v <= upper` on the robot's velocity v (nv,) during the next dt seconds.
 
     In a stack a limit is hard (`Stack(limits=[...])`) or soft at the level it is listed in. Anything with a `name` and a
-    `rows` is a limit; one that also has `frames` has them checked when a stack first meets a robot.
+    `rows` is a limit; one that also has `frames` has them checked when a stack first meets a robot, and the rows of one that
+    has `row_names(robot)`, a string for each row, go by these names in `Solution.conflict`.
     """
 
     @property
@@ -66,6 +68,10 @@ class VelocityLimit(NativeLimit):
     def name(self) -> str:
         """What levels, reports and errors call the limit."""
         return self._name
+
+    def row_names(self, robot: Robot) -> list[str]:
+        """The joints, one for each velocity."""
+        return velocity_names(robot)
 
     def _layout(self, robot: Robot) -> Layout:
         return Layout(BOX, robot.nv, [-1] * robot.nv)

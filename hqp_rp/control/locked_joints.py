@@ -56,19 +56,24 @@ class LockedJoints:
     def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows of the identity (m, nv) and zeros (m,); dt and v are not needed."""
         if robot is not self._bound:
-            named = self._joints if self._joints is not None else self._all_but
-            assert named is not None
-            found = joint_indices(robot, named, f"limit {self._name!r}", distinct=False)
-            self._locked = found if self._joints is not None else np.setdiff1d(np.arange(robot.nv), found)
-            self._bound = robot
+            self._bind(robot)
         G, zero = np.zeros((len(self._locked), robot.nv)), np.zeros(len(self._locked))
         G[np.arange(len(self._locked)), self._locked] = 1.0
         return G, zero, zero
 
     def row_names(self, robot: Robot) -> list[str]:
         """The joints that are locked."""
+        if robot is not self._bound:
+            self._bind(robot)
         names = velocity_names(robot)
         return [names[i] for i in self._locked]
+
+    def _bind(self, robot: Robot) -> None:
+        named = self._joints if self._joints is not None else self._all_but
+        assert named is not None
+        found = joint_indices(robot, named, f"limit {self._name!r}", distinct=False)
+        self._locked = found if self._joints is not None else np.setdiff1d(np.arange(robot.nv), found)
+        self._bound = robot
 
     def __repr__(self) -> str:
         return f"LockedJoints({self._name!r})"

@@ -41,7 +41,7 @@ class Stack:
 
         stack = Stack([position, [orientation, com], posture], limits=[JointLimit()])
         robot.update(q)
-        v = hqp_rp.solve(stack.problem(robot, dt), solver).x
+        v = hqp_rp.solve(stack.problem(robot, dt), solver).require()
         q = robot.integrate(q, v, dt)
 
     Args:
@@ -302,11 +302,15 @@ class Stack:
             warnings.warn(" ".join(told), UserWarning, stacklevel=4)
 
     def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str]]:
-        """(limit, row) in words of each hard row."""
+        """(limit, row) in words of each hard row; limits that share a name are told apart by a number."""
+        names = [str(item.name) for _, item in self._hard]
+        names = [
+            f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name for i, name in enumerate(names)
+        ]
         return [
-            (item.name, name)
-            for (_, item), count in zip(self._hard, counts, strict=False)
-            for name in row_names(item, robot, count)
+            (name, row)
+            for name, (_, item), count in zip(names, self._hard, counts, strict=False)
+            for row in row_names(item, robot, count)
         ]
 
     def _places(self) -> Iterator[tuple[str, Any]]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray
@@ -81,6 +82,13 @@ class TorqueLimit:
         index = self._index
         free = (M @ v - self._bias(robot, v))[index]
         return M[index], free - self._torque, free + self._torque
+
+    def row_names(self, robot: Robot) -> list[str]:
+        """The joints that are limited."""
+        if robot is not self._bound:
+            self._bind(robot)
+        names = velocity_names(robot)
+        return [names[i] for i in self._index]
 
     def torque(self, robot: Robot, dt: float, v: FloatArray, new_v: FloatArray) -> FloatArray:
         """(nv,) N m: tau of the step from velocity v to `new_v`, both (nv,), at the robot's configuration."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from hqp_rp.core.diagnostics import norm, row_norms
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
-from hqp_rp.core.tolerances import MEETS
+from hqp_rp.core.tolerances import FARKAS_WEIGHT, MEETS
 from hqp_rp.core.verify import Contradiction, proven_contradiction
 
 ROW_NAMES = "hard row names"
@@ -19,12 +20,13 @@ ROW_NAMES = "hard row names"
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Conflict:
-    """Hard rows that contradict each other.
+    """Hard rows that contradict each other; without any one of them the others can be met.
 
     Attributes:
         rows: their numbers among the hard rows. sides: "lower" or "upper", the bound of each that takes part.
         names: each in words, such as "joint limits: j4 upper".
-        gap: every x misses one of them by at least this much of its row's length.
+        gap: the least that x can miss the worst of them by, in units of the length of its row; infinite for a row of zeros.
+            Where other rows contradict each other too, all hard rows together may miss by more.
         remedies: what alone, moved from the hard rows to a level, would make the others feasible: names of limits, or of rows
             where nobody named limits; empty where no single one does.
     """
@@ -37,10 +39,11 @@ class Conflict:
 
     def __str__(self) -> str:
         what = "; ".join(self.names[:6]) + ("; ..." if len(self.names) > 6 else "")
+        how = "no x moves this row" if self.gap == math.inf else f"they miss each other by {self.gap:.3g}"
         if not self.remedies:
-            return f"{what}: they miss each other by {self.gap:.3g}; no single limit moved to a level makes the rest feasible."
+            return f"{what}: {how}; no single limit moved to a level makes the rest feasible."
         some = " or ".join(repr(remedy) for remedy in self.remedies)
-        return f"{what}: they miss each other by {self.gap:.3g}; moving {some} to a level makes the rest feasible."
+        return f"{what}: {how}; moving {some} to a level makes the rest feasible."
 
 
 def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
@@ -70,13 +73,39 @@ def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
 
 def _proof(hard: Level, x: FloatArray | None) -> Contradiction | None:
     starts = [np.zeros(hard.n)] if x is None else [x, np.zeros(hard.n)]
+    # Nearer to the rows: the least-squares point of their nearest bounds.
+    target = np.clip(hard.A @ starts[0], hard.lower, hard.upper)
+    starts.append(np.asarray(np.linalg.lstsq(hard.A, target, rcond=None)[0], dtype=np.float64))
     for start in starts:
         found = proven_contradiction(hard, start)
         if found is not None:
-            return found
-    # Nearer to the rows: the least-squares point of their nearest bounds.
-    target = np.clip(hard.A @ starts[0], hard.lower, hard.upper)
-    return proven_contradiction(hard, np.asarray(np.linalg.lstsq(hard.A, target, rcond=None)[0], dtype=np.float64))
+            return _fewest(hard, start, found)
+    return None
+
+
+def _fewest(hard: Level, x: FloatArray, found: Contradiction) -> Contradiction:
+    """As few of the rows found as still contradict each other: each is left out in turn, the lightest first.
+
+    Of the rows that are left the weights are unique but for their scale, so that the gap is the least largest miss itself.
+
+    Source: Chinneck and Dravnieks 1991, the deletion filter.
+    """
+    for row, side in np.stack((found.rows, found.sides), axis=1)[np.argsort(found.weights, kind="stable")]:
+        others = (found.rows != row) | (found.sides != side)
+        rows, sides = found.rows[others], found.sides[others]
+        if len(rows) == len(found.rows) or not len(rows):  # gone with an earlier one, or alone
+            continue
+        lower = np.where(sides < 0, hard.lower[rows], -np.inf)
+        upper = np.where(sides > 0, hard.upper[rows], np.inf)
+        fewer = proven_contradiction(Level(hard.A[rows], lower, upper), x)
+        if fewer is None:
+            continue
+        fewer = fewer._replace(rows=rows[fewer.rows])
+        # What meets far away only is a proof of contradiction too, but not one of which a row may be left out.
+        signed = fewer.sides * fewer.weights / row_norms(hard.A[fewer.rows])
+        if norm(signed @ hard.A[fewer.rows]) <= FARKAS_WEIGHT * float(fewer.weights.sum()):
+            found = fewer
+    return found
 
 
 def _feasible(hard: Level, chosen: list[bool]) -> bool:

@@ -71,10 +71,14 @@ def breaks_hard_rows(problem: Problem, x: FloatArray, tolerance: float) -> bool:
 
 
 class Contradiction(NamedTuple):
-    """Hard rows (k,) of which every x misses one by at least `gap` of its length, and at which bound: +1 upper, -1 lower."""
+    """Hard rows (k,) of which every x misses one by at least `gap` of its length, and at which bound: +1 upper, -1 lower.
+
+    weights: (k,) > 0, of the proof: the weighted sum of the one-sided rows of length one is 0, that of their bounds negative.
+    """
 
     rows: IntArray
     sides: IntArray
+    weights: FloatArray
     gap: float
 
 
@@ -95,7 +99,7 @@ def contradiction(hard: Level, x: FloatArray) -> str:
 
 
 def proven_contradiction(hard: Level, x: FloatArray) -> Contradiction | None:
-    """The hard rows that provably contradict each other, as few as the proof needs, or None.
+    """Hard rows that provably contradict each other, or None; some of them may contradict each other without the rest.
 
     The proof is Farkas': weights w >= 0 on one-sided rows `g_i . y <= h_i` of length one with `G^T w = 0` and `h . w < 0`, so
     that no y meets them all. They are those of the least-distance problem, `min ||G^T w||^2 + (h . w + 1)^2` over w >= 0,
@@ -108,7 +112,7 @@ def proven_contradiction(hard: Level, x: FloatArray) -> Contradiction | None:
     outside = (lengths == 0.0) & ((hard.lower > 0.0) | (hard.upper < 0.0))
     if outside.any():
         i = int(outside.argmax())
-        return Contradiction(np.array([i]), np.array([1 if hard.upper[i] < 0.0 else -1]), math.inf)
+        return Contradiction(np.array([i]), np.array([1 if hard.upper[i] < 0.0 else -1]), np.ones(1), math.inf)
     rows = np.flatnonzero(lengths > 0.0)
     if not len(rows) or not np.isfinite(x).all():
         return None
@@ -138,4 +142,4 @@ def proven_contradiction(hard: Level, x: FloatArray) -> Contradiction | None:
     ):
         return None
     sides = np.concatenate((np.ones(len(rows), np.int64), -np.ones(len(rows), np.int64)))[near]
-    return Contradiction(numbers[chosen], sides[chosen], margin / float(w.sum()))
+    return Contradiction(numbers[chosen], sides[chosen], w[chosen], margin / float(w.sum()))

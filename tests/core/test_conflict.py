@@ -6,11 +6,21 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from hqp_rp import Level, NoSolutionError, Problem, Status, solve
-from hqp_rp.control import HalfSpaceLimit, LockedJoints, PostureTask, Stack, TwistTask, VelocityLimit
-from hqp_rp.core.conflict import conflict_of
-from hqp_rp.robot import MujocoRobot, sawyer
+from hqp_rp.control import (
+    HalfSpaceLimit,
+    JointLimit,
+    LockedJoints,
+    PostureTask,
+    Stack,
+    TorqueLimit,
+    TwistTask,
+    VelocityLimit,
+)
+from hqp_rp.core.conflict import ROW_NAMES, conflict_of
+from hqp_rp.robot import MujocoRobot, planar_arm, sawyer
 from tests.fuzz_verdicts import random_feasible, random_infeasible
 
 FREE = [Level.equality([[1.0]], [0.0])]
@@ -35,6 +45,61 @@ def test_a_row_of_zeros() -> None:
     assert conflict.names == ("hard row 0 lower",)
     assert conflict.gap == math.inf
     assert conflict.remedies == ("hard row 0",)
+    assert (
+        str(conflict)
+        == "hard row 0 lower: no x moves this row; moving 'hard row 0' to a level makes the rest feasible."
+    )
+
+
+def test_one_contradiction_among_several() -> None:
+    apart = Level([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]], [10.0, -np.inf, 1.0, -np.inf], [np.inf, 0.0] * 2)
+    conflict = conflict_of(Problem([Level.equality(np.eye(2), [0.0, 0.0])], hard=apart), None)
+    assert conflict is not None
+    assert set(conflict.rows) == {0, 1}  # the wider of the two, alone
+    assert conflict.gap == pytest.approx(5.0)
+    assert conflict.remedies == ()
+    assert str(conflict).endswith(
+        "they miss each other by 5; no single limit moved to a level makes the rest feasible."
+    )
+
+    twice = Level([[1.0], [1.0], [1.0]], [1.0, -np.inf, -np.inf], [np.inf, 0.0, 0.0])
+    conflict = conflict_of(Problem(FREE, hard=twice), None)
+    assert conflict is not None
+    assert len(conflict.rows) == 2
+    assert conflict.remedies == ("hard row 0",)
+
+
+def least_miss(hard: Level, rows: list[int], sides: list[str]) -> float:
+    """The least that x can miss the worst of these one-sided rows by, by linear programming; <= 0 where all are met."""
+    lengths = np.linalg.norm(hard.A[rows], axis=1)
+    sign = np.array([1.0 if side == "upper" else -1.0 for side in sides])
+    bound = np.where(sign > 0.0, hard.upper[rows], -hard.lower[rows]) / lengths
+    G = np.column_stack((sign[:, None] * hard.A[rows] / lengths[:, None], -np.ones(len(rows))))
+    cost = np.append(np.zeros(hard.n), 1.0)
+    found = linprog(cost, G, bound, bounds=[(None, None)] * hard.n + [(-1.0, None)], method="highs")
+    assert found.success
+    return float(found.x[-1])
+
+
+def test_the_gap_is_the_least_largest_miss_of_rows_that_all_take_part() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        n, m = int(rng.integers(1, 5)), int(rng.integers(4, 14))
+        middle, half = rng.standard_normal(m), rng.uniform(0.0, 0.3, m)
+        hard = Level(rng.standard_normal((m, n)), middle - half, middle + half)
+        both = least_miss(hard, [*range(m), *range(m)], ["upper"] * m + ["lower"] * m)
+        conflict = conflict_of(Problem([Level.equality(np.eye(n), np.zeros(n))], hard=hard), None)
+        assert (conflict is None) == (both <= 0.0)
+        if conflict is None:
+            continue
+        rows, sides = list(conflict.rows), list(conflict.sides)
+        assert conflict.gap == pytest.approx(least_miss(hard, rows, sides), rel=1e-6)
+        for i in range(len(rows)):
+            assert len(rows) == 1 or least_miss(hard, rows[:i] + rows[i + 1 :], sides[:i] + sides[i + 1 :]) <= 1e-9
+        for row in range(m):
+            rest = [i for i in range(m) if i != row]
+            helps = least_miss(hard, [*rest, *rest], ["upper"] * (m - 1) + ["lower"] * (m - 1)) <= 0.0
+            assert (f"hard row {row}" in conflict.remedies) == helps
 
 
 def test_where_nothing_contradicts() -> None:
@@ -92,6 +157,50 @@ def test_limits_of_a_stack_are_named() -> None:
     assert "wall: tool lower" in conflict.names or "wall: tool upper" in conflict.names
     assert "wall" in conflict.remedies
     assert "brakes" in conflict.remedies
+
+
+def test_limits_that_share_a_name_are_told_apart() -> None:
+    robot = MujocoRobot.from_arm(sawyer())
+    robot.update(robot.neutral)
+    belt = TwistTask("tool", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], name="belt")
+    stack = Stack([PostureTask(robot.neutral)], [VelocityLimit(0.05), VelocityLimit(50.0), belt])
+    conflict = solve(stack.problem(robot, 0.01), "hierarchical_active_set").conflict
+    assert conflict is not None
+    assert set(conflict.remedies) == {"joint velocity (1)", "belt"}
+
+
+def test_every_limit_names_its_rows() -> None:
+    robot = MujocoRobot.from_arm(sawyer())
+    robot.update(robot.neutral)
+    limits = [
+        JointLimit(velocity=1.0),
+        VelocityLimit(1.0),
+        TorqueLimit({"joint2": 200.0, "joint4": 200.0}),
+        LockedJoints(["joint7"]),
+        HalfSpaceLimit("tool", [1.0, 0.0, 0.0], 5.0),
+    ]
+    problem = Stack([PostureTask(robot.neutral)], limits).problem(robot, 0.01, np.zeros(7))
+    assert problem.kept is not None
+    joints = [f"joint{i}" for i in range(1, 8)]
+    assert problem.kept[ROW_NAMES]() == [
+        *(("joint limits", joint) for joint in joints),
+        *(("joint velocity", joint) for joint in joints),
+        ("joint torque", "joint2"),
+        ("joint torque", "joint4"),
+        ("locked joints", "joint7"),
+        ("tool half-space", "tool"),
+    ]
+    other = MujocoRobot.from_arm(planar_arm(3))  # names are those of the robot asked for, whichever it met before
+    assert LockedJoints([0]).row_names(other) == ["joint1"]
+    assert limits[2].row_names(robot) == ["joint2", "joint4"]  # type: ignore[attr-defined]
+
+
+def test_as_many_rows_as_joints_are_no_joints() -> None:
+    robot = MujocoRobot.from_arm(planar_arm(6))
+    robot.update(np.full(6, 0.3))
+    problem = Stack([PostureTask(robot.neutral)], [TwistTask("tool", np.zeros(6), name="still")]).problem(robot, 0.01)
+    assert problem.kept is not None
+    assert problem.kept[ROW_NAMES]() == [("still", f"row {i}") for i in range(6)]
 
 
 def test_require() -> None:
