@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 
@@ -21,6 +22,8 @@ def main() -> int:
         return 2
     from hqp_rp.compare.command_line import main as command_line
 
+    with contextlib.suppress(OSError):  # a folder that is gone
+        sys.path.append(os.getcwd())  # last, for --solver module:Class of a file beside the user
     try:
         code = command_line()
         sys.stdout.flush()

@@ -31,7 +31,8 @@ def compare(
     Args:
         scenario: a scenario's name; repeat it for more. Without it, every scenario. See `hqp-rp scenarios`.
         solver: a solver's name, which picks all its variants, or NAME:KEY=VALUE,KEY=VALUE for settings of your own, such as
-            reverse_priority:damping=constant(0.1),form=projector; repeat it for more. See `hqp-rp solvers`.
+            reverse_priority:damping=constant(0.1),form=projector, or PACKAGE.MODULE:CLASS for a solver of your own; repeat it
+            for more. See `hqp-rp solvers`.
         seeds: how many seeds; 3, or 1 with --quick, when not given.
         output: the folder to write.
         quick: fewer steps, for a first look.
@@ -120,7 +121,8 @@ def replay(file: tyro.conf.Positional[tuple[pathlib.Path, ...]], solver: str | N
 
     Args:
         file: .npz files, as a stress test keeps its worst cases; of several, by how much x changes from each to the next.
-        solver: a solver's name or NAME:KEY=VALUE,KEY=VALUE; without it, the one that the case was saved for.
+        solver: a solver's name, NAME:KEY=VALUE,KEY=VALUE or PACKAGE.MODULE:CLASS; without it, the one that the case was
+            saved for.
     """
     from hqp_rp.compare.stress_worst import replay_all
 

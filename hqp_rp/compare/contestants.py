@@ -135,7 +135,7 @@ def choose_contestants(solvers: Sequence[str | Solver | Contestant] | None = Non
 
     Args:
         solvers: each a solver's name (all its variants), `name:key=value,key=value` (that solver with these settings),
-            a `Solver` or a `Contestant`.
+            `package.module:Class` with or without `:key=value`, a `Solver` or a `Contestant`.
 
     Raises:
         UnknownNameError: no such solver.
@@ -175,7 +175,9 @@ def _contestants(item: str | Solver | Contestant) -> tuple[Contestant, ...]:
 def _known(solver: Solver) -> Contestant | None:
     """The variant of the default line-up that this solver is, if it is one."""
     known = variants(type(solver).name) if type(solver).name in all_solvers() else ()
-    return next((contestant for contestant in known if repr(contestant.solver) == repr(solver)), None)
+    return next(
+        (item for item in known if type(item.solver) is type(solver) and repr(item.solver) == repr(solver)), None
+    )
 
 
 def _nearest_group(solver: Solver) -> str:

@@ -58,8 +58,11 @@ def _imported(module: str, name: str) -> type[Solver]:
     """A solver class of somebody's own module. Raises `SettingError`."""
     try:
         found = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise SettingError(f"{module}:{name} cannot be imported: {error}") from error
+    except (Exception, SystemExit) as error:  # whatever somebody's module raises when it is imported
+        raise SettingError(
+            f"{module}:{name} cannot be imported: {type(error).__name__}: {str(error).rstrip('.')}. Give package.module:Class "
+            "of an installed package, or of a file in the folder that you are in."
+        ) from error
     if not (inspect.isclass(found) and issubclass(found, Solver)) or inspect.isabstract(found):
         raise SettingError(f"{module}:{name} is {found!r}; it must be a subclass of hqp_rp.Solver.")
     return found

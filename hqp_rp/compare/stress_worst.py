@@ -19,7 +19,7 @@ from hqp_rp.core.certificate import certify
 from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.distance import distance
 from hqp_rp.core.io import load_metadata, load_problem, save_problem
-from hqp_rp.core.solver import Solver
+from hqp_rp.core.solver import Solver, all_solvers
 
 if TYPE_CHECKING:
     from hqp_rp.compare.stress import Stress
@@ -56,13 +56,15 @@ def replay_command(test: Stress, case: Worst) -> str:
 
 
 def spelled(solver: Solver) -> str:
-    """The solver as the command line takes it: its name, and the settings that are not the default."""
+    """The solver as the command line takes it: its name or package.module:Class, and the settings that are not the default."""
+    kind = type(solver)
+    name = kind.name if all_solvers().get(kind.name) is kind else f"{kind.__module__}:{kind.__qualname__}"
     changed = [
         f"{field.name}={getattr(solver, field.name)!r}".replace("'", "").replace(" ", "")
         for field in dataclasses.fields(solver)
         if field.init and repr(getattr(solver, field.name)) != repr(field.default)
     ]
-    return f"{type(solver).name}:{','.join(changed)}" if changed else type(solver).name
+    return f"{name}:{','.join(changed)}" if changed else name
 
 
 @dataclasses.dataclass(frozen=True)

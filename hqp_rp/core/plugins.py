@@ -23,8 +23,12 @@ def plugins(group: str, kind: type[_T], known: dict[str, type[_T]]) -> dict[str,
         where = f"The entry point {entry.name!r} of {group} ({entry.value})"
         try:
             item = entry.load()
-        except Exception as error:  # whatever another package raises when it is imported
-            warnings.warn(f"{where} cannot be loaded: {type(error).__name__}: {error}", UserWarning, stacklevel=3)
+        except (Exception, SystemExit) as error:  # whatever another package raises when it is imported
+            warnings.warn(
+                f"{where} cannot be loaded: {type(error).__name__}: {error}; it is left out. Mend or uninstall its package.",
+                UserWarning,
+                stacklevel=3,
+            )
             continue
         name = getattr(item, "name", None)
         if (
