@@ -5,11 +5,12 @@ from __future__ import annotations
 from hqp_rp.control.activation import BlendedSolution, blend, ramp
 from hqp_rp.control.center_of_mass_task import CenterOfMassTask
 from hqp_rp.control.collision_limit import CollisionLimit
+from hqp_rp.control.command import Command, Mode
 from hqp_rp.control.force import ForceReference
 from hqp_rp.control.half_space_limit import HalfSpaceLimit
 from hqp_rp.control.hybrid import HybridReference
 from hqp_rp.control.impedance import ImpedanceReference
-from hqp_rp.control.interaction_controller import Command, InteractionController, Mode
+from hqp_rp.control.interaction_controller import InteractionController
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.joint_limit_potential import JointLimitPotential

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import enum
 import math
 import time
 from collections.abc import Sequence
@@ -13,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control._stack_rows import LIMIT, StackRows
+from hqp_rp.control.command import Command, Mode, fault_of
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.reference import Reference
 from hqp_rp.control.stack import Stack
@@ -25,37 +24,6 @@ from hqp_rp.robot.robot import Robot
 
 BOUND_TOLERANCE = 1e-6
 """rad/s or m/s: by how much an answer may pass a bound at zero before the whole command is set to zero."""
-
-
-class Mode(enum.Enum):
-    """What an `InteractionController` is doing. The value is the sentence that reports print."""
-
-    RUNNING = "The command is the solver's answer."
-    HOLDING = "Something failed: the command goes to zero."
-    STOPPED = "Something failed: the command is zero until a reset."
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Command:
-    """One control step.
-
-    Attributes:
-        v: (nv,) the velocity to send, rad/s or m/s; always finite, read-only.
-        mode: what the controller was doing.
-        reason: why it does not run, as a sentence; empty while it runs.
-        problem: what was asked of the solver, or None when it was not asked.
-        solution: what the solver answered, or None.
-        scale: in [0, 1], by which the answer was shortened to meet limits; 1 where it was not.
-        solve_time: s, wall clock of the solver's call alone; 0 when it was not asked.
-    """
-
-    v: FloatArray
-    mode: Mode
-    reason: str = ""
-    problem: Problem | None = None
-    solution: Solution | None = None
-    scale: float = 1.0
-    solve_time: float = 0.0
 
 
 class InteractionController:
@@ -232,9 +200,9 @@ class InteractionController:
         begin = time.perf_counter()
         solution = self._solver.solve(problem, free)
         seconds = time.perf_counter() - begin
+        reason = fault_of(solution, self._accepted, robot.nv)
         x = solution.x
-        if x is None or solution.status not in self._accepted or not np.isfinite(x).all():
-            reason = f"The solver failed: {solution.status.value} {solution.message}".rstrip()
+        if reason or x is None:
             return self._fail(robot, dt, reason, problem, solution, seconds)
         scale = self._scale(robot, dt, motion, problem, x)
         answer = scale * x

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector, positive_number, real_array
-from hqp_rp.control.interaction_controller import Command, Mode
+from hqp_rp.control.command import Command, Mode, fault_of
+from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.errors import HqpError, SettingError
 from hqp_rp.core.problem import FloatArray, Problem
@@ -26,13 +27,19 @@ class MotionRunner:
         command = runner.step(robot, dt)        # at every control period, after robot.update(q)
         send(command.v)
 
-    While the solver answers, the command is its x. **When it does not** (no x, one that is not finite, a status other than
-    SOLVED or, with `accept_inaccurate`, INACCURATE; rows that are not finite) the runner holds: the last command goes to
-    zero on a straight line, `v <- (1 - s) v` with the largest s <= 1 that no joint's `acceleration` forbids,
-    `s = min_j a_j dt / |v_j|`, until the solver answers again, or until it stands: then it is stopped until `reset`.
-    Velocities only get smaller, so velocity limits stay kept; position limits are met where the stack's `JointLimit` has the
-    same acceleration. `Stack.problem` is told the last command as the velocity before, so that limits on accelerations hold
-    across steps. Errors of misuse before the first good answer are raised.
+    While the solver answers, the command is its x. **When it does not** (no x, one that is not finite or has another length, a
+    status other than SOLVED or, with `accept_inaccurate`, INACCURATE; a solver that raises; rows or a measured v that are not
+    finite) the runner holds: the last command goes to zero on a straight line, `v <- (1 - s) v` with the largest s <= 1 that
+    no joint's `acceleration` forbids, `s = min_j a_j dt / |v_j|`, until the solver answers again, or until it stands: then it
+    is stopped until `reset`. A joint that a hard `JointLimit` of the stack bids to brake sooner does so, each at a_j at most.
+    So, while it brakes:
+
+    - no |v_j| grows, and none changes by more than a_j dt: velocity and acceleration stay within what they were;
+    - no joint passes a position limit of a hard `JointLimit` whose acceleration is at most a_j, where the answers kept it;
+    - collisions, half-spaces and torques are not looked at.
+
+    `Stack.problem` is told the last command as the velocity before, or the measured one, so that limits on accelerations hold
+    across steps. What fails before the first good answer, but for a solver's status, is raised.
 
     Args:
         stack: any stack. solver: a `Solver`, or its name.
@@ -43,21 +50,35 @@ class MotionRunner:
         SettingError: a value out of its range. UnknownNameError: no solver of that name.
     """
 
-    __slots__ = ("_acceleration", "_accepted", "_began", "_mode", "_reason", "_sent", "_solver", "_stack")
+    __slots__ = (
+        "_acceleration",
+        "_accepted",
+        "_began",
+        "_failures",
+        "_limits",
+        "_mode",
+        "_reason",
+        "_sent",
+        "_solution",
+        "_solver",
+        "_stack",
+    )
 
     def __init__(
         self, stack: Stack, solver: str | Solver, *, acceleration: ArrayLike, accept_inaccurate: bool = True
     ) -> None:
         if not isinstance(stack, Stack):
             raise SettingError(f"stack is a {type(stack).__name__}; give a Stack.")
-        self._acceleration = real_array(acceleration, "acceleration")
-        if self._acceleration.ndim > 1 or not ((self._acceleration > 0.0) & np.isfinite(self._acceleration)).all():
+        a = self._acceleration = real_array(acceleration, "acceleration")
+        if a.ndim > 1 or not a.size or not ((a > 0.0) & np.isfinite(a)).all():
             raise SettingError(
                 f"acceleration is {acceleration!r}; it must be > 0 and finite, one number or one a velocity."
             )
         self._stack, self._solver = stack, get_solver(solver)
+        self._limits = [limit for limit in stack.limits if isinstance(limit, JointLimit)]
         self._accepted = (Status.SOLVED, Status.INACCURATE) if accept_inaccurate else (Status.SOLVED,)
         self._sent: FloatArray | None = None
+        self._solution: Solution | None = None
         self.reset()
 
     @property
@@ -70,40 +91,72 @@ class MotionRunner:
         """Why it does not run, as a sentence; empty while it runs."""
         return self._reason
 
+    @property
+    def solution(self) -> Solution | None:
+        """What the solver answered when it was last asked, usable or not; None before."""
+        return self._solution
+
+    @property
+    def failures(self) -> int:
+        """At how many steps in a row no answer could be used; 0 while it runs. A stopped runner asks no more."""
+        return self._failures
+
     def reset(self, v: ArrayLike | None = None) -> None:
         """Begin, or begin again after a stop, from the velocity v (nv,), rad/s or m/s; None for a robot at rest."""
         self._mode, self._reason, self._began = Mode.RUNNING, "", False
+        self._failures, self._solution = 0, None
         self._sent = None if v is None else finite_vector(v, np.size(v), "v", "rad/s or m/s")
         self._solver.reset()
 
-    def step(self, robot: Robot, dt: float) -> Command:
-        """The velocity for the next dt seconds. Raises `HqpError` for misuse before the first good answer."""
+    def step(self, robot: Robot, dt: float, v: ArrayLike | None = None) -> Command:
+        """The velocity for the next dt seconds.
+
+        Args:
+            robot: at its current configuration; `robot.update(q)` sets it.
+            dt: > 0, s, the control period.
+            v: (nv,) measured velocity, rad/s or m/s, from which limits on accelerations start; None: the last command.
+
+        Raises:
+            HqpError: misuse, before the first good answer; a dt that is not > 0 always.
+        """
         dt = positive_number(dt, "dt")
         before = np.zeros(robot.nv) if self._sent is None else self._sent
         if self._acceleration.ndim and len(self._acceleration) != robot.nv:
             raise SettingError(f"acceleration has {len(self._acceleration)} numbers; the robot has nv = {robot.nv}.")
+        if len(before) != robot.nv:
+            raise SettingError(f"the velocity before has {len(before)} numbers; the robot has nv = {robot.nv}.")
         if self._mode is Mode.STOPPED:
-            return self._brake(before, dt, self._reason, None, None, 0.0)
+            return self._brake(robot, before, dt, self._reason, None, None, 0.0)
+        problem: Problem | None = None
+        solution: Solution | None = None
+        seconds = 0.0
         try:
-            problem = self._stack.problem(robot, dt, before)
+            problem = self._stack.problem(robot, dt, before if v is None else v)
+            begin = time.perf_counter()
+            solution = self._solver.solve(problem)
+            seconds = time.perf_counter() - begin
+            reason = fault_of(solution, self._accepted, robot.nv)
         except HqpError as error:
             if not self._began:
                 raise
-            return self._brake(before, dt, str(error), None, None, 0.0)
-        begin = time.perf_counter()
-        solution = self._solver.solve(problem)
-        seconds = time.perf_counter() - begin
-        x = solution.x
-        if x is None or solution.status not in self._accepted or not np.isfinite(x).all():
-            reason = f"The solver failed: {solution.status.value} {solution.message}".rstrip()
-            return self._brake(before, dt, reason, problem, solution, seconds)
-        answer = x.copy()
+            reason = str(error)
+        except Exception as error:  # a fault in a solver or a task must not leave a moving robot without a command
+            if not self._began:
+                raise
+            reason = f"{type(error).__name__}: {error}"
+        if solution is not None:
+            self._solution = solution
+        if reason or solution is None or solution.x is None:
+            self._failures += 1
+            return self._brake(robot, before, dt, reason, problem, solution, seconds)
+        answer = solution.x.copy()
         answer.flags.writeable = False
-        self._sent, self._mode, self._reason, self._began = answer, Mode.RUNNING, "", True
+        self._sent, self._mode, self._reason, self._began, self._failures = answer, Mode.RUNNING, "", True, 0
         return Command(answer, Mode.RUNNING, "", problem, solution, 1.0, seconds)
 
     def _brake(
         self,
+        robot: Robot,
         before: FloatArray,
         dt: float,
         reason: str,
@@ -111,14 +164,25 @@ class MotionRunner:
         solution: Solution | None,
         seconds: float,
     ) -> Command:
-        moving = before != 0.0
-        most = np.broadcast_to(self._acceleration * dt, before.shape)
-        share = 1.0 - min(1.0, float((most[moving] / np.abs(before[moving])).min(initial=1.0)))
-        v = share * before
+        most, speed = np.broadcast_to(self._acceleration * dt, before.shape), np.abs(before)
+        share = 1.0 - float((most / np.maximum(speed, most)).min(initial=1.0))
+        size = np.maximum(np.minimum(share * speed, self._room(robot, before, dt)), speed - most)
+        v = np.copysign(np.maximum(size, 0.0), before)
         v.flags.writeable = False
         self._sent, self._reason = v, reason
         self._mode = Mode.HOLDING if v.any() else Mode.STOPPED
         return Command(v, self._mode, reason, problem, solution, share, seconds)
+
+    def _room(self, robot: Robot, before: FloatArray, dt: float) -> FloatArray:
+        """(nv,) how fast each joint may go on in its direction for the hard joint limits; infinite where none says."""
+        room = np.full(robot.nv, np.inf)
+        for limit in self._limits:
+            try:
+                _, lower, upper = limit.rows(robot, dt, before)
+            except Exception:  # rows that cannot be made any more: the straight line is what is left
+                continue
+            room = np.fmin(room, np.maximum(np.where(before > 0.0, upper, -lower), 0.0))
+        return room
 
     def __repr__(self) -> str:
         return f"MotionRunner({self._stack!r}, {self._solver.name}, {self._mode.name})"

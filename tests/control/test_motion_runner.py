@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hqp_rp import Problem, SettingError, Solution, Solver, Status, UnknownNameError
+from hqp_rp import Level, Problem, SettingError, Solution, Solver, Status, UnknownNameError
 from hqp_rp.control import JointLimit, MotionRunner, PositionTask, PostureTask, Stack
-from hqp_rp.control.interaction_controller import Mode
+from hqp_rp.control.command import Mode, fault_of
 from hqp_rp.robot import MujocoRobot, sawyer
 
 DT = 0.01
@@ -85,6 +85,103 @@ def test_it_brakes_on_a_straight_line_and_stays(robot: MujocoRobot, stack: Stack
     assert runner.step(robot, DT).mode is Mode.STOPPED  # at rest there is nothing to hold
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_no_joint_passes_its_limit_while_faster_ones_brake(robot: MujocoRobot, side: float) -> None:
+    acceleration, left = 5.0, 0.1
+    q, v = robot.neutral.copy(), np.zeros(7)
+    q[3] = side * (robot.upper[3] - left)
+    v[0], v[3] = 3.0, side * 0.9 * np.sqrt(2.0 * acceleration * left)
+    robot.update(q)
+    stack = Stack([PostureTask(robot.neutral)], [JointLimit(acceleration=acceleration, velocity=3.0)])
+    runner = MotionRunner(
+        stack, Failing(dict.fromkeys(range(1, 999), (Status.NOT_FINITE, None))), acceleration=acceleration
+    )
+    runner.reset(v)
+    before = v
+    for _ in range(100):
+        command = runner.step(robot, DT)
+        assert (np.abs(command.v) <= np.abs(before)).all()
+        assert (np.abs(command.v - before) <= acceleration * DT + 1e-12).all()
+        before = command.v
+        robot.update(robot.integrate(robot.q, command.v, DT))
+        assert abs(robot.q[3]) <= robot.upper[3] + 1e-12
+    assert runner.mode is Mode.STOPPED
+
+
+class Odd(Failing):
+    """Raises at the calls whose numbers it is given."""
+
+    def solve(self, problem: Problem, secondary: Any = None) -> Solution:
+        self.__dict__["calls"] += 1
+        if self.__dict__["calls"] in self.__dict__["bad"]:
+            raise ZeroDivisionError("on purpose")
+        return Solution(problem, np.full(problem.n, 0.5))
+
+
+def test_a_solver_that_raises(robot: MujocoRobot, stack: Stack) -> None:
+    runner = MotionRunner(stack, Odd({2: None, 3: None}), acceleration=1.0)
+    assert runner.solution is None
+    assert [runner.step(robot, DT).mode for _ in range(3)] == [Mode.RUNNING, Mode.HOLDING, Mode.HOLDING]
+    assert runner.reason == "ZeroDivisionError: on purpose"
+    assert runner.failures == 2
+    assert runner.solution is not None  # the last there was
+    assert runner.step(robot, DT).mode is Mode.RUNNING
+    assert runner.failures == 0
+    with pytest.raises(ZeroDivisionError):
+        MotionRunner(stack, Odd({1: None}), acceleration=1.0).step(robot, DT)
+
+
+def test_it_remembers_the_last_solution_and_counts_failures(robot: MujocoRobot, stack: Stack) -> None:
+    runner = MotionRunner(
+        stack, Failing(dict.fromkeys(range(2, 99), (Status.INFEASIBLE, None))), acceleration=0.5 / (2.5 * DT)
+    )
+    counts = []
+    for _ in range(6):
+        command = runner.step(robot, DT)
+        counts.append(runner.failures)
+        if command.solution is not None:
+            assert runner.solution is command.solution
+    assert counts == [0, 1, 2, 3, 3, 3]  # stopped at the third: it asks no more
+    assert runner.solution is not None
+    assert runner.solution.status is Status.INFEASIBLE
+    runner.reset()
+    assert (runner.failures, runner.solution) == (0, None)
+
+
+@pytest.mark.parametrize("v", [np.full(7, np.nan), np.zeros(5), "fast"])
+def test_a_measured_velocity_that_cannot_be_used(robot: MujocoRobot, stack: Stack, v: Any) -> None:
+    runner = MotionRunner(stack, "null_space", acceleration=1.0)
+    with pytest.raises(SettingError, match="v is "):
+        runner.step(robot, DT, v)
+    robot.update(robot.neutral + 0.3)
+    first = runner.step(robot, DT)
+    command = runner.step(robot, DT, v)
+    assert command.mode is Mode.HOLDING
+    assert command.reason.startswith("v is ")
+    assert np.abs(command.v - first.v).max() <= DT + 1e-12
+
+
+def test_limits_on_accelerations_start_from_the_measured_velocity(robot: MujocoRobot) -> None:
+    stack = Stack([PostureTask(robot.neutral + 1.0, gain=50.0)], [JointLimit(acceleration=2.0)])
+    runner = MotionRunner(stack, "hierarchical_active_set", acceleration=2.0)
+    assert runner.step(robot, DT).v == pytest.approx(np.full(7, 2.0 * DT))
+    assert runner.step(robot, DT, np.full(7, 0.5)).v == pytest.approx(np.full(7, 0.5 + 2.0 * DT))
+
+
+def test_velocities_next_to_nothing(robot: MujocoRobot, stack: Stack) -> None:
+    runner = MotionRunner(stack, Failing({1: (Status.NOT_FINITE, None)}), acceleration=1.0)
+    runner.reset(np.full(7, 1e-320))
+    command = runner.step(robot, DT)
+    assert command.mode is Mode.STOPPED
+    assert not command.v.any()
+
+
+def test_an_answer_of_another_length(robot: MujocoRobot) -> None:
+    solution = Solution(Problem([Level.equality(np.eye(6), np.zeros(6))]), np.zeros(6))
+    assert fault_of(solution, (Status.SOLVED,), 6) == ""
+    assert fault_of(solution, (Status.SOLVED,), 7) == ("The solver failed: its x has shape (6,); the robot has nv = 7.")
+
+
 def test_it_goes_on_when_an_answer_comes_in_time(robot: MujocoRobot, stack: Stack) -> None:
     runner = MotionRunner(
         stack, Failing({2: (Status.INFEASIBLE, None), 3: (Status.INFEASIBLE, None)}), acceleration=1.0
@@ -110,6 +207,12 @@ def test_misuse(robot: MujocoRobot, stack: Stack) -> None:
         MotionRunner(stack, "nul_space", acceleration=1.0)
     with pytest.raises(SettingError, match="acceleration has 2 numbers; the robot has nv = 7"):
         MotionRunner(stack, "null_space", acceleration=[1.0, 2.0]).step(robot, DT)
+    with pytest.raises(SettingError, match=r"acceleration is \[\]"):
+        MotionRunner(stack, "null_space", acceleration=[])
+    runner = MotionRunner(stack, "null_space", acceleration=1.0)
+    runner.reset([1.0, 2.0])
+    with pytest.raises(SettingError, match="the velocity before has 2 numbers; the robot has nv = 7"):
+        runner.step(robot, DT)
     limited = Stack([PostureTask(robot.neutral)], [JointLimit(acceleration=1.0)])
     with pytest.raises(SettingError, match="dt is -1"):
         MotionRunner(limited, "null_space", acceleration=1.0).step(robot, -1.0)

@@ -1,0 +1,55 @@
+"""What a control loop sends at one step, and whether a solver's answer may be sent."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Container
+
+import numpy as np
+
+from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.solution import Solution, Status
+
+
+class Mode(enum.Enum):
+    """What an `InteractionController` is doing. The value is the sentence that reports print."""
+
+    RUNNING = "The command is the solver's answer."
+    HOLDING = "Something failed: the command goes to zero."
+    STOPPED = "Something failed: the command is zero until a reset."
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Command:
+    """One control step.
+
+    Attributes:
+        v: (nv,) the velocity to send, rad/s or m/s; always finite, read-only.
+        mode: what the controller was doing.
+        reason: why it does not run, as a sentence; empty while it runs.
+        problem: what was asked of the solver, or None when it was not asked.
+        solution: what the solver answered, or None.
+        scale: in [0, 1], by which the answer was shortened to meet limits; 1 where it was not.
+        solve_time: s, wall clock of the solver's call alone; 0 when it was not asked.
+    """
+
+    v: FloatArray
+    mode: Mode
+    reason: str = ""
+    problem: Problem | None = None
+    solution: Solution | None = None
+    scale: float = 1.0
+    solve_time: float = 0.0
+
+
+def fault_of(solution: Solution, accepted: Container[Status], nv: int) -> str:
+    """Why the answer may not be sent to a robot with nv velocities, as a sentence; empty where it may."""
+    x = solution.x
+    if x is None or solution.status not in accepted:
+        return f"The solver failed: {solution.status.value} {solution.message}".rstrip()
+    if x.shape != (nv,):
+        return f"The solver failed: its x has shape {x.shape}; the robot has nv = {nv}."
+    if not np.isfinite(x).all():
+        return f"The solver failed: its x is not finite, though it says: {solution.status.value}"
+    return ""
