@@ -33,43 +33,81 @@ from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 if TYPE_CHECKING:
     from hqp_rp import problems
     from hqp_rp.control.catalogue import Catalogue, find_singularities
+    from hqp_rp.control.center_of_mass_task import CenterOfMassTask
+    from hqp_rp.control.collision_limit import CollisionLimit
+    from hqp_rp.control.half_space_limit import HalfSpaceLimit
+    from hqp_rp.control.joint_coupling import JointCoupling
+    from hqp_rp.control.joint_limit import JointLimit
+    from hqp_rp.control.limit import Limit, VelocityLimit
+    from hqp_rp.control.locked_joints import LockedJoints
+    from hqp_rp.control.motion_runner import MotionRunner
+    from hqp_rp.control.orientation_task import OrientationTask
+    from hqp_rp.control.pointing_task import PointingTask
+    from hqp_rp.control.pose_task import PoseTask
+    from hqp_rp.control.position_task import PositionTask
+    from hqp_rp.control.posture_task import PostureTask
+    from hqp_rp.control.relative_pose_task import RelativePoseTask
+    from hqp_rp.control.stack import Stack
+    from hqp_rp.control.task import Task
+    from hqp_rp.control.torque_limit import TorqueLimit
+    from hqp_rp.control.twist_task import TwistTask
     from hqp_rp.core.batch import BatchSolution, solve_batch
     from hqp_rp.core.certificate import Certificate, certify
     from hqp_rp.core.diagnostics import LevelReport, Singularity, diagnose
     from hqp_rp.core.distance import Distance, distance
     from hqp_rp.core.io import load_problem, save_problem
     from hqp_rp.core.truth import Truth, truth
+    from hqp_rp.robot.model_file import load_robot
 
 __version__ = "0.1.0"
 
 __all__ = [
     "BatchSolution",
     "Catalogue",
+    "CenterOfMassTask",
     "Certificate",
+    "CollisionLimit",
     "ConstantDamping",
     "Damping",
     "Distance",
     "ErrorDamping",
     "FileError",
+    "HalfSpaceLimit",
     "HqpError",
+    "JointCoupling",
+    "JointLimit",
     "Level",
     "LevelDamping",
     "LevelReport",
+    "Limit",
+    "LockedJoints",
     "MissingExtraError",
+    "MotionRunner",
     "NoDamping",
     "NoSolutionError",
+    "OrientationTask",
+    "PointingTask",
+    "PoseTask",
+    "PositionTask",
+    "PostureTask",
     "Problem",
     "ProblemError",
+    "RelativePoseTask",
     "RobotError",
     "SettingError",
     "Singularity",
     "Solution",
     "Solver",
+    "Stack",
     "Status",
+    "Task",
+    "TorqueLimit",
     "Truncation",
     "Truth",
+    "TwistTask",
     "UnknownNameError",
     "VariableDamping",
+    "VelocityLimit",
     "WorkLimitError",
     "all_solvers",
     "certify",
@@ -78,6 +116,7 @@ __all__ = [
     "find_singularities",
     "get_solver",
     "load_problem",
+    "load_robot",
     "problems",
     "save_problem",
     "solve",
@@ -89,6 +128,25 @@ __all__ = [
 _LAZY = {
     "Catalogue": "control.catalogue",
     "find_singularities": "control.catalogue",
+    "CenterOfMassTask": "control.center_of_mass_task",
+    "CollisionLimit": "control.collision_limit",
+    "HalfSpaceLimit": "control.half_space_limit",
+    "JointCoupling": "control.joint_coupling",
+    "JointLimit": "control.joint_limit",
+    "Limit": "control.limit",
+    "VelocityLimit": "control.limit",
+    "LockedJoints": "control.locked_joints",
+    "MotionRunner": "control.motion_runner",
+    "OrientationTask": "control.orientation_task",
+    "PointingTask": "control.pointing_task",
+    "PoseTask": "control.pose_task",
+    "PositionTask": "control.position_task",
+    "PostureTask": "control.posture_task",
+    "RelativePoseTask": "control.relative_pose_task",
+    "Stack": "control.stack",
+    "Task": "control.task",
+    "TorqueLimit": "control.torque_limit",
+    "TwistTask": "control.twist_task",
     "BatchSolution": "core.batch",
     "solve_batch": "core.batch",
     "Certificate": "core.certificate",
@@ -102,6 +160,14 @@ _LAZY = {
     "save_problem": "core.io",
     "Truth": "core.truth",
     "truth": "core.truth",
+    "load_robot": "robot.model_file",
+}
+
+# The package that a name needs, asked for in the name that the user wrote.
+_NEEDS = {
+    "Truth": ("hqp_rp.truth", "flint"),
+    "truth": ("hqp_rp.truth", "flint"),
+    "load_robot": ("hqp_rp.load_robot", "mujoco"),
 }
 
 
@@ -110,8 +176,8 @@ def __getattr__(name: str) -> Any:
         return importlib.import_module("hqp_rp.problems")
     if name not in _LAZY:
         raise AttributeError(f"module 'hqp_rp' has no attribute {name!r}")
-    if name in ("Truth", "truth"):
-        require("hqp_rp.truth", "flint")
+    if name in _NEEDS:
+        require(*_NEEDS[name])
     return getattr(importlib.import_module(f"hqp_rp.{_LAZY[name]}"), name)
 
 

@@ -49,7 +49,13 @@ assert [level.rank for level in hqp_rp.diagnose(free, np.zeros(7))] == [3, 3]
 assert len(hqp_rp.problems.names()) > 100 if hasattr(hqp_rp.problems, "names") else True
 from hqp_rp.robot import planar_arm, sawyer
 assert sawyer().kinematics(np.zeros((3, 7)))[2].shape == (3, 6, 7)
+assert "hqp_rp.control.stack" not in sys.modules and "hqp_rp.robot.robot" not in sys.modules
+stack = hqp_rp.Stack([hqp_rp.PostureTask(np.zeros(7))], limits=[hqp_rp.JointLimit(), hqp_rp.VelocityLimit(1.0)])
+assert stack.names == ("posture",)
 import hqp_rp.control
+for name in hqp_rp.control.__all__:
+    if name in hqp_rp.__all__:
+        assert getattr(hqp_rp, name) is getattr(hqp_rp.control, name)
 """
     done = run(smoke + more)
     assert done.returncode == 0, done.stderr
@@ -64,6 +70,7 @@ import hqp_rp.control
         ("hqp_rp.truth(p)", "hqp_rp.truth", "flint", "truth"),
         ("from hqp_rp.robot import MujocoRobot", "hqp_rp.robot.MujocoRobot", "mujoco", "mujoco"),
         ("from hqp_rp.robot import PinocchioRobot", "hqp_rp.robot.PinocchioRobot", "pinocchio", "pinocchio"),
+        ("from hqp_rp import load_robot", "hqp_rp.load_robot", "mujoco", "mujoco"),
         ("from hqp_rp.robot import load_robot", "hqp_rp.robot.load_robot", "mujoco", "mujoco"),
         (
             "from hqp_rp.scenarios.scenario import all_scenarios; all_scenarios()",
