@@ -23,7 +23,8 @@ class Conflict:
     """Hard rows that contradict each other; without any one of them the others can be met.
 
     Attributes:
-        rows: their numbers among the hard rows. sides: "lower" or "upper", the bound of each that takes part.
+        rows: their numbers among the hard rows, those that weigh most first. sides: "lower" or "upper", the bound of each that
+            takes part.
         names: each in words, such as "joint limits: j4 upper".
         gap: the least that x can miss the worst of them by, in units of the length of its row; infinite for a row of zeros.
             Where other rows contradict each other too, all hard rows together may miss by more.
@@ -79,7 +80,9 @@ def _proof(hard: Level, x: FloatArray | None) -> Contradiction | None:
     for start in starts:
         found = proven_contradiction(hard, start)
         if found is not None:
-            return _fewest(hard, start, found)
+            fewest = _fewest(hard, start, found)
+            order = np.argsort(-fewest.weights, kind="stable")
+            return Contradiction(fewest.rows[order], fewest.sides[order], fewest.weights[order], fewest.gap)
     return None
 
 
