@@ -159,6 +159,12 @@ class Limited(Scenario):
             velocity = command
             yield Step(case, k * dt, problem, solution, seconds, measured)
 
+    def require_gains(self, *names: str) -> None:
+        """Raise `SettingError` unless each of these settings is a gain in 1/s that one period does not overshoot with."""
+        top = 1.0 / self.period
+        for name in names:
+            self.require(name, lambda value: 0.0 <= value <= top, f"in [0, 1 / period] = [0, {top:g}]")
+
     def require(self, name: str, allowed: Callable[[Any], bool], sign: str) -> None:
         """Raise `SettingError` unless the setting is a finite number that is allowed."""
         value = getattr(self, name)

@@ -98,9 +98,7 @@ class HumanoidReach(Limited):
         super().__post_init__()
         self.require("acceleration", lambda value: value > 0.0, "> 0")
         self.require("spread", lambda value: value >= 0.0, ">= 0")
-        top = 1.0 / self.period
-        for name in ("gain", "posture_gain"):
-            self.require(name, lambda value: 0.0 <= value <= top, f"in [0, 1 / period] = [0, {top:g}]")
+        self.require_gains("gain", "posture_gain")
 
     def cases(self) -> tuple[str, ...]:
         return (_HARD, _FIRST, _NONE)

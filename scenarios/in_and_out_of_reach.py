@@ -70,9 +70,7 @@ class InAndOutOfReach(Limited):
         self.require("distance", lambda value: value > 0.0, "> 0")
         for name in ("factor", "second_factor"):
             self.require(name, lambda value: value >= 0.0, ">= 0")
-        top = 1.0 / self.period
-        for name in ("gain", "posture_gain"):
-            self.require(name, lambda value: 0.0 <= value <= top, f"in [0, 1 / period] = [0, {top:g}]")
+        self.require_gains("gain", "posture_gain")
 
     def cases(self) -> tuple[str, ...]:
         return (_EXACT, _DAMPED, _NONE)

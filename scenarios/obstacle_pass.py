@@ -82,9 +82,7 @@ class ObstaclePass(Limited):
             self.require(name, lambda value: value > 0.0, "> 0")
         for name in ("margin", "spread"):
             self.require(name, lambda value: value >= 0.0, ">= 0")
-        top = 1.0 / self.period
-        for name in ("gain", "posture_gain", "collision_gain"):
-            self.require(name, lambda value: 0.0 <= value <= top, f"in [0, 1 / period] = [0, {top:g}]")
+        self.require_gains("gain", "posture_gain", "collision_gain")
 
     def cases(self) -> tuple[str, ...]:
         return (_FIRST, _HARD, _NONE)

@@ -11,7 +11,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm
 from hqp_rp.core.damping import ConstantDamping, NoDamping
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.level_damping import damped_targets
+from hqp_rp.core.level_damping import solve_with_damped_targets
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.stacked import load
@@ -82,10 +82,7 @@ class ReversePriorityUnilateral(ClosedForm):
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The answer with the least disturbance of the levels; see `Solver.solve`."""
         if problem.damping is not None and self.refuses(problem) is None:
-            solve = _native.null_space(self.rank_tolerance, 0, 0.0, 0.0).solve
-            found = self.solve(damped_targets(problem, solve), secondary)
-            found.problem = problem
-            return found
+            return solve_with_damped_targets(problem, secondary, self.rank_tolerance, self.solve)
         hard = problem.hard
         if hard is None or not hard.m:
             solution = super().solve(problem, secondary)

@@ -9,7 +9,7 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.level_damping import damped_targets
+from hqp_rp.core.level_damping import solve_with_damped_targets
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
@@ -119,7 +119,7 @@ class SaturationNullSpace(Solver):
         if secondary is not None:
             secondary = checked_secondary(secondary, problem.n)
         if problem.damping is not None:
-            return self._damped(problem, secondary)
+            return solve_with_damped_targets(problem, secondary, self.rank_tolerance, self.solve)
         found: Any = _native.saturation_null_space(problem, secondary, self.rank_tolerance, self.variant == "optimal")
         if len(found) == 2:
             first, second = found
@@ -145,9 +145,3 @@ class SaturationNullSpace(Solver):
         solution.scales = scales
         solution.held = SATURATED
         return solution
-
-    def _damped(self, problem: Problem, secondary: FloatArray | None) -> Solution:
-        solve = _native.null_space(self.rank_tolerance, 0, 0.0, 0.0).solve
-        found = self.solve(damped_targets(problem, solve), secondary)
-        found.problem = problem
-        return found

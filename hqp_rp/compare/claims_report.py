@@ -14,7 +14,7 @@ from hqp_rp.compare.claims import CONFLICT, LINE_UP, REVERSE, REVERSE_DAMPED, TR
 from hqp_rp.compare.contact_runs import ContactFigures, contact_figures, run_contacts
 from hqp_rp.compare.contestants import Contestant, default_contestants
 from hqp_rp.compare.machine import machine, usable_cores, versions
-from hqp_rp.compare.panels import grouped
+from hqp_rp.compare.panels import grouped, slug
 from hqp_rp.compare.report import Report, Section, Table, listing, number, share, write_report
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.core.errors import HqpError
@@ -240,9 +240,8 @@ def _chart(
     mirrors: str,
 ) -> Lines:
     groups = grouped(study.contestants)
-    slug = "".join(c for c in case if c not in ",'").replace(" ", "-")
     return Lines(
-        name=f"{name}-{kind}-{slug}".replace("_", "-"),
+        name=slug(name, kind, case),
         title=f"{title} ({_words(name)}; {case})",
         caption=f"{mirrors}, for every solver; {_GAINS[case.split(', ')[0]]}.",
         x_label="time (s)",

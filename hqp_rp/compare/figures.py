@@ -20,6 +20,7 @@ from hqp_rp.compare.panels import (
     grid,
     grouped,
     level_names,
+    slug,
     wide,
     words,
 )
@@ -204,7 +205,7 @@ def _parting(scenario: Scenario, contestants: Sequence[Contestant], steps: pl.Da
         values.append({label: np.array(v, dtype=np.float64) for label, v in parted.items()})
     name = type(scenario).name
     return Dots(
-        name=f"{name}-parting".replace("_", "-"),
+        name=slug(name, "parting"),
         title="Where each solver leaves the lexicographic optimum",
         caption=f"The first step of the path whose |x - x*| / |x*| exceeds {PARTING:g}: a small dot for each seed, a large "
         "one for their median; further right is better. Steps on which the rank itself is ambiguous are not counted.",

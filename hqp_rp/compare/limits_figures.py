@@ -19,8 +19,8 @@ from hqp_rp.compare.panels import (
     error_rows,
     grid,
     grouped,
+    slug,
     wide,
-    words,
 )
 
 _LEFT = "position limit violation left [rad]"
@@ -192,5 +192,4 @@ def _margin(case: LimitCase) -> str:
 
 
 def _slug(case: LimitCase, kind: str) -> str:
-    name = type(case.case.scenario).name
-    return "-".join(part for part in (words(name), kind, case.case.name) if part).replace(" ", "-").replace(",", "")
+    return slug(type(case.case.scenario).name, kind, case.case.name)

@@ -24,6 +24,12 @@ def grouped(contestants: Sequence[Contestant]) -> list[tuple[str, list[str]]]:
     return [(group, labels) for group, labels in found if labels]
 
 
+def slug(*parts: str) -> str:
+    """The name of a figure's file from what it shows, empty parts left out."""
+    text = "-".join(part for part in parts if part)
+    return "".join(letter for letter in text if letter not in ",'").replace("_", "-").replace(" ", "-")
+
+
 def grid(
     scenario: Scenario,
     case: str,
@@ -45,11 +51,10 @@ def grid(
     name = type(scenario).name
     drawn = {label for row in panels for label in row}
     groups = [(group, labels) for group, labels in grouped(contestants) if drawn & set(labels)]
-    slug = "-".join(part for part in (name, kind, case) if part).replace("_", "-").replace(" ", "-").replace(",", "")
     errors = [row.endswith("excess error") for row in rows]
     labelled = list(zip(rows, errors, strict=True))
     return Lines(
-        name=slug,
+        name=slug(name, kind, case),
         title=f"{title} ({words(name)}{', ' + case if case else ''})",
         caption=caption,
         x_label=x_label,

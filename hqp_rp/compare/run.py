@@ -85,7 +85,8 @@ def run_units(units: Sequence[Unit], folder: RunFolder, *, workers: int | None, 
 def _finished(left: Sequence[Unit], folder: RunFolder, workers: int) -> Iterator[Unit]:
     if workers == 1:
         for unit in left:
-            folder.save(unit.key, _indexed(0, unit)[1])
+            warm_up([unit.contestant.solver])
+            folder.save(unit.key, run_unit(unit))
             yield unit
         return
     import joblib

@@ -13,7 +13,7 @@ from hqp_rp.core.solution import Solution, Status
 
 
 class Mode(enum.Enum):
-    """What an `InteractionController` is doing. The value is the sentence that reports print."""
+    """What a control loop is doing. The value is the sentence that reports print."""
 
     RUNNING = "The command is the solver's answer."
     HOLDING = "Something failed: the command goes to zero."
@@ -26,7 +26,7 @@ class Command:
 
     Attributes:
         v: (nv,) the velocity to send, rad/s or m/s; always finite, read-only.
-        mode: what the controller was doing.
+        mode: what the loop was doing.
         reason: why it does not run, as a sentence; empty while it runs.
         problem: what was asked of the solver, or None when it was not asked.
         solution: what the solver answered, or None.

@@ -72,6 +72,7 @@ class Stack:
         "_names",
         "_needs_dt",
         "_offsets",
+        "_policies",
         "_rows",
         "_two_sided",
     )
@@ -95,14 +96,16 @@ class Stack:
         self._items = [pair for level in adapted for pair in level]
         self._ends = np.cumsum([len(level) for level in adapted]).tolist()
         self._hard = [self._adapt(item, "limits") for item in self._limits]
-        self._names = _level_names(names, adapted)
         self._damping = _level_damping(damping, len(adapted))
+        self._policies = self._damping if any(self._damping) else None
+        levels_of = [k for k, level in enumerate(adapted) for _ in level]
+        # Of tasks of mink whose own damping counts: level, position among all items, hard ones first, and the task.
         self._mink_tasks = [
-            (k, item)
-            for k, level in enumerate(adapted)
-            for kind, item in level
+            (k, len(self._hard) + i, item)
+            for i, (k, (kind, item)) in enumerate(zip(levels_of, self._items, strict=True))
             if kind == MINK_TASK and self._damping[k] is None
         ]
+        self._names = _level_names(names, adapted)
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
         self._rows: StackRows | None = None
@@ -165,12 +168,10 @@ class Stack:
             self._count(rows)
         equality = not self._two_sided
         offsets, below = self._offsets
-        damping = self._damping
+        damping = self._policies
         if self._mink_tasks:
             damping = self._with_mink(rows, lower, dt)
-        problem = Problem.from_rows(
-            matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping if any(damping) else None
-        )
+        problem = Problem.from_rows(matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping)
         if self._hard:
             counts = rows.counts
             problem.kept = {ROW_NAMES: lambda: self._named_rows(robot, counts)}
@@ -205,7 +206,7 @@ class Stack:
             RobotError: q of another shape or not finite; otherwise as `problem`.
             ProblemError: an item whose number of rows differs between the configurations; otherwise as `problem`.
         """
-        if any(self._damping) or any(item.lm_damping for _, item in self._mink_tasks):
+        if self._policies or any(task.lm_damping for _, _, task in self._mink_tasks):
             raise SettingError(f"{self!r} has damped levels, which a batch cannot hold; call problem() for each q.")
         if self._hard:
             raise SettingError(
@@ -244,19 +245,21 @@ class Stack:
         )
         return A, lower, None if all(problem.is_equality for problem in problems) else upper, offsets
 
-    def _with_mink(self, rows: StackRows, lower: FloatArray, dt: float | None) -> tuple[LevelDamping | None, ...]:
+    def _with_mink(
+        self, rows: StackRows, lower: FloatArray, dt: float | None
+    ) -> tuple[LevelDamping | None, ...] | None:
         """The damping of this step: mink's mu = lm_damping |w alpha e|^2 in its unit, where a displacement is v dt."""
-        mu = [0.0] * len(self._damping)
-        ends = np.cumsum(rows.counts)
-        place = {id(item): len(self._hard) + i for i, (_, item) in enumerate(self._items)}
-        for k, item in self._mink_tasks:
-            if item.lm_damping:
-                i = place[id(item)]
-                rate = lower[ends[i] - rows.counts[i] : ends[i]]
-                mu[k] += item.lm_damping * float(rate @ rate) * (dt or 0.0) ** 2
-        return tuple(
+        damped = [(k, i, task.lm_damping) for k, i, task in self._mink_tasks if task.lm_damping]
+        if not damped or dt is None:
+            return self._policies
+        mu, ends = [0.0] * len(self._damping), np.cumsum(rows.counts)
+        for k, i, factor in damped:
+            rate = lower[ends[i] - rows.counts[i] : ends[i]]
+            mu[k] += factor * float(rate @ rate) * dt**2
+        policies = tuple(
             ConstantDamping(math.sqrt(mu_k)) if mu_k > 0.0 else own for mu_k, own in zip(mu, self._damping, strict=True)
         )
+        return policies if any(policies) else None
 
     def _count(self, rows: StackRows) -> None:
         """Find where levels begin and end, from the rows of each item: hard ones first."""

@@ -15,18 +15,19 @@ from hqp_rp.core.diagnostics import (
     checked_point,
     norm,
     normalised,
+    one_sided,
     remaining,
     require_tolerance,
     rounding_at_zero,
-    row_norms,
     times_power,
     two_norm,
 )
 from hqp_rp.core.level_damping import damped_level
+from hqp_rp.core.nearest_point import nearest_point
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, NEAR_ZERO, NEARLY_FREE, SHORT_NORMAL, STANDSTILL, STEP_COST
+from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, NEAR_ZERO, NEARLY_FREE, SHORT_NORMAL, STEP_COST
 
 TOLERANCE = CERTIFIED
 """Default of `certify`: what a relative excess may be; also how near to its bound a row counts as active."""
@@ -195,7 +196,7 @@ class _Judge:
         self.rank_tolerance = rank_tolerance
         self.Z = np.eye(len(x))
         self.H = np.zeros((0, len(x)))  # outward unit normals of active inequality rows
-        self.kept: list[Level] = []  # inequality rows that bind
+        self.kept: list[tuple[Level, NDArray[np.bool_]]] = []  # inequality rows that bind
         self.drift = 8 * _EPS  # sine of the angle by which rounding may have turned range(Z)
 
     def hard(self, hard: Level | None) -> tuple[float, float]:
@@ -246,8 +247,8 @@ class _Judge:
         rounding = 8 * _EPS * self.size if norm(x) <= NEAR_ZERO * self.size else 0.0
         there = _Judge(x, self.active_tolerance, self.rank_tolerance, max(self.rounding, rounding))
         there.Z, there.drift = self.Z, self.drift
-        for before in self.kept:
-            other = _Rows(before, there)
+        for before, chosen in self.kept:
+            other = _Rows(Level(*_chosen(before, chosen)), there)
             if other.active.any():
                 there.H = np.vstack([there.H, other.normals[other.active]])
         found = there.level(damped)
@@ -269,27 +270,21 @@ class _Judge:
             Z = remaining(level.A[fixed], Z, self.rank_tolerance)[1]
         if not Z.shape[1]:
             return self.x
-        free = level.A[~fixed], level.lower[~fixed], level.upper[~fixed]
-        rows = [free, *((before.A, before.lower, before.upper) for before in self.kept)]
-        A, lower, upper = (np.concatenate(parts) for parts in zip(*rows, strict=True))
-        lengths = row_norms(A)
-        G, h = np.concatenate((A, -A)), np.concatenate((upper, -lower))
-        lengths = np.concatenate((lengths, lengths))
-        bounded = (lengths > 0.0) & np.isfinite(h)
-        G, h = G[bounded] / lengths[bounded, None], h[bounded] / lengths[bounded]
+        bounds = [_chosen(level, ~fixed), *(_chosen(*before) for before in self.kept)]
+        G, h, _, _ = one_sided(*(np.concatenate(parts) for parts in zip(*bounds, strict=True)))
         D, d, x = damped.A[level.m :], damped.lower[level.m :], self.x
         undamped = remaining(D, Z, self.rank_tolerance)[1]
         if not undamped.shape[1]:
-            return _nearest_point(x, Z, G, h, D @ Z, D @ x - d)
+            return nearest_point(x, Z, G, h, D @ Z, D @ x - d)
         # A move costs a little too, and the search goes on from where it came to, which leaves no bias; then least norm.
         B = np.concatenate((D @ Z, NEARLY_FREE * two_norm(D) * np.eye(Z.shape[1])))
         for _ in range(PROXIMAL_STEPS):
-            x = _nearest_point(x, Z, G, h, B, np.concatenate((D @ x - d, np.zeros(Z.shape[1]))))
-        return _nearest_point(x, undamped, G, h, np.eye(undamped.shape[1]), undamped.T @ x)
+            x = nearest_point(x, Z, G, h, B, np.concatenate((D @ x - d, np.zeros(Z.shape[1]))))
+        return nearest_point(x, undamped, G, h, np.eye(undamped.shape[1]), undamped.T @ x)
 
     def _bind(self, rows: _Rows, fixed: NDArray[np.bool_], level: Level) -> None:
         if not fixed.all():
-            self.kept.append(Level(level.A[~fixed], level.lower[~fixed], level.upper[~fixed], level.name))
+            self.kept.append((level, ~fixed))
         held = rows.A[fixed]
         if len(held) and self.Z.shape[1]:
             sigma, Vt = np.linalg.svd(held @ self.Z)[1:]
@@ -331,53 +326,8 @@ class _Rows:
             self.normals = np.where(above, 1.0, -1.0)[:, None] * self.A / lengths[:, None]
 
 
-def _nearest_point(
-    x: FloatArray, Z: FloatArray, G: FloatArray, h: FloatArray, B: FloatArray, c: FloatArray
-) -> FloatArray:
-    """The x + Z y that minimizes ||B y + c|| subject to G (x + Z y) <= h, rows of G (k, n) of length one, x allowed."""
-    rows = G @ Z
-    lengths = row_norms(rows)
-    free = lengths > SHORT_NORMAL
-    room = np.maximum(h[free] - G[free] @ x, 0.0) / lengths[free]
-    return x + Z @ _nearest(B, c, rows[free] / lengths[free, None], room)
-
-
-def _nearest(B: FloatArray, c: FloatArray, G: FloatArray, h: FloatArray) -> FloatArray:
-    """The y (d,) that minimizes ||B y + c|| subject to G y <= h, h >= 0, rows of G of length one; B (r, d) of full column rank.
-
-    A primal active-set search from y = 0, which is allowed. It leaves the row of the smallest number once it has stood still
-    for d steps (Bland's rule). Source: Nocedal and Wright 2006, algorithm 16.3.
-    """
-    y, held, idle = np.zeros(B.shape[1]), np.zeros(len(G), dtype=bool), 0
-    for _ in range(50 + 10 * len(G)):
-        N = np.linalg.qr(G[held].T, mode="complete")[0][:, int(held.sum()) :] if held.any() else np.eye(len(y))
-        slope = np.asarray(B @ y + c, dtype=np.float64)
-        step = np.zeros(len(y))
-        if N.shape[1]:
-            step = np.asarray(-N @ np.linalg.lstsq(B @ N, slope, rcond=None)[0], dtype=np.float64)
-        length = norm(step)
-        if length > STANDSTILL * (norm(y) + norm(c) / two_norm(B)):
-            change = G @ step
-            blocks = ~held & (change > MULTIPLIER * length)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                parts = np.where(blocks, np.maximum(h - G @ y, 0.0) / change, np.inf)
-            first = int(parts.argmin()) if len(parts) else -1
-            part = min(1.0, float(parts[first])) if first >= 0 else 1.0
-            y = y + part * step
-            idle = 0 if part > 0.0 else idle + 1
-            if part < 1.0:
-                held[first] = True
-                continue
-            slope = B @ y + c
-        which = np.flatnonzero(held)
-        if not len(which):
-            return y
-        multipliers = np.linalg.lstsq(G[which].T, -(B.T @ slope), rcond=None)[0]
-        wrong = which[multipliers < -MULTIPLIER * max(float(np.abs(multipliers).max()), _EPS)]
-        if not len(wrong):
-            return y
-        held[wrong[0] if idle > len(y) else which[multipliers.argmin()]] = False
-    return y
+def _chosen(level: Level, rows: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return level.A[rows], level.lower[rows], level.upper[rows]
 
 
 def _removable(

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hqp_rp.core.diagnostics import norm, row_norms
+from hqp_rp.core.diagnostics import norm, one_sided, row_norms
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.tolerances import FARKAS_WEIGHT, MEETS
@@ -117,14 +117,9 @@ def _feasible(hard: Level, chosen: list[bool]) -> bool:
     Source: Lawson and Hanson 1974, chapter 23, LDP.
     """
     A, lower, upper = hard.A[chosen], hard.lower[chosen], hard.upper[chosen]
-    lengths = row_norms(A)
-    kept = lengths > 0.0
-    if ((lower > 0.0) | (upper < 0.0))[~kept].any():
+    if ((lower > 0.0) | (upper < 0.0))[row_norms(A) == 0.0].any():
         return False
-    A, lower, upper = A[kept] / lengths[kept, None], lower[kept] / lengths[kept], upper[kept] / lengths[kept]
-    G, h = np.concatenate((A, -A)), np.concatenate((upper, -lower))
-    finite = np.isfinite(h)
-    G, h = G[finite], h[finite]
+    G, h, _, _ = one_sided(A, lower, upper)
     if not (h < 0.0).any():
         return True
     unit = float(np.abs(h).max())

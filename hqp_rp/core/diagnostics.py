@@ -6,6 +6,7 @@ import dataclasses
 import enum
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -236,6 +237,29 @@ def row_norms(A: FloatArray) -> FloatArray:
     scaled, exponent = normalised(A)
     norms: FloatArray = np.ldexp(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)), exponent)
     return norms
+
+
+class OneSided(NamedTuple):
+    """Rows `G x <= h` of length one, upper bounds first: row i is row `rows[i]` at `sides[i]`, +1 upper, -1 lower."""
+
+    G: FloatArray
+    h: FloatArray
+    rows: NDArray[np.int64]
+    sides: NDArray[np.int64]
+
+
+def one_sided(A: FloatArray, lower: FloatArray, upper: FloatArray) -> OneSided:
+    """What `lower <= A x <= upper` says, one bound a row; rows of zeros and infinite bounds are left out."""
+    lengths = row_norms(A)
+    rows = np.flatnonzero(lengths > 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        unit = A[rows] / lengths[rows, None]
+        h = np.concatenate((upper[rows] / lengths[rows], -lower[rows] / lengths[rows]))
+    finite = np.isfinite(h)
+    sides = np.repeat(np.array([1, -1], dtype=np.int64), len(rows))
+    return OneSided(
+        np.concatenate((unit, -unit))[finite], h[finite], np.concatenate((rows, rows))[finite], sides[finite]
+    )
 
 
 def two_norm(A: FloatArray) -> float:

@@ -32,6 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hqp_rp.core import _native
 from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
 from hqp_rp.core.diagnostics import norm, remaining, row_norms, two_norm, violation
 from hqp_rp.core.level import FloatArray, IntArray, Level
@@ -98,6 +99,16 @@ def as_reached(problem: Problem, solve: Solve) -> Problem:
     for _ in reached.steps(solve):
         pass
     return reached.problem()
+
+
+def solve_with_damped_targets(
+    problem: Problem, secondary: FloatArray | None, rank_tolerance: float, solve: Solve
+) -> Solution:
+    """The answer of a method that scales or projects tasks: `solve` of `damped_targets` by null-space priority."""
+    cascade = _native.null_space(rank_tolerance, 0, 0.0, 0.0).solve
+    found = solve(damped_targets(problem, cascade), secondary)
+    found.problem = problem
+    return found
 
 
 def damped_targets(problem: Problem, solve: Solve) -> Problem:
@@ -221,6 +232,8 @@ class _Reached:
 
 def damped_level(problem: Problem, k: int) -> Level | None:
     """The rows of level k with D_k x = d_k below them; None where the level is not damped."""
+    if problem.damping is None:
+        return None
     D, d, offsets = problem.damping_rows
     own = slice(int(offsets[k]), int(offsets[k + 1]))
     if own.start == own.stop:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import zeros
-from hqp_rp.core.diagnostics import rounding_at_zero, row_norms
+from hqp_rp.core.diagnostics import one_sided, rounding_at_zero, row_norms
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
@@ -113,20 +113,14 @@ def proven_contradiction(hard: Level, x: FloatArray) -> Contradiction | None:
     if outside.any():
         i = int(outside.argmax())
         return Contradiction(np.array([i]), np.array([1 if hard.upper[i] < 0.0 else -1]), np.ones(1), math.inf)
-    rows = np.flatnonzero(lengths > 0.0)
-    if not len(rows) or not np.isfinite(x).all():
+    if not np.isfinite(x).all():
         return None
+    G, h, rows, sides = one_sided(hard.A, hard.lower, hard.upper)
+    size = float(np.linalg.norm(x)) + float(np.abs(h).max(initial=0.0))
     with np.errstate(over="ignore", invalid="ignore"):
-        A = hard.A[rows] / lengths[rows, None]
-        value = A @ x
-        above, below = hard.upper[rows] / lengths[rows] - value, value - hard.lower[rows] / lengths[rows]
-        size = float(np.linalg.norm(x)) + max(
-            float(np.abs(b[np.isfinite(b)]).max(initial=0.0))
-            for b in (hard.lower[rows] / lengths[rows], hard.upper[rows] / lengths[rows])
-        )
-    G, h = np.concatenate((A, -A)), np.concatenate((above, below))
+        h = h - G @ x
     near = np.isfinite(h)
-    G, h, numbers = G[near], h[near], np.concatenate((rows, rows))[near]
+    G, h, rows, sides = G[near], h[near], rows[near], sides[near]
     least = float(h.min(initial=0.0))
     if not least < 0.0 or not math.isfinite(size):  # x meets every row
         return None
@@ -141,5 +135,4 @@ def proven_contradiction(hard: Level, x: FloatArray) -> Contradiction | None:
         w.sum()
     ):
         return None
-    sides = np.concatenate((np.ones(len(rows), np.int64), -np.ones(len(rows), np.int64)))[near]
-    return Contradiction(numbers[chosen], sides[chosen], w[chosen], margin / float(w.sum()))
+    return Contradiction(rows[chosen], sides[chosen], w[chosen], margin / float(w.sum()))

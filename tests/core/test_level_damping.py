@@ -202,16 +202,12 @@ def test_methods_that_scale_or_project() -> None:
         solution = solve(problem, name)
         assert solution.problem is problem
         np.testing.assert_allclose(solution.x, free, rtol=1e-9)
-        boxed_answer = solve(boxed_like(problem, 0.3), name)
+        boxed_answer = solve(boxed(problem, 0.3), name)
         assert boxed_answer.status.ok
         assert boxed_answer.x is not None
         assert np.abs(boxed_answer.x).max() <= 0.3 + 1e-12
     bare = damped_targets(problem, lambda step, secondary: solve(step, "null_space", secondary=secondary))
     assert bare.damping is None
-
-
-def boxed_like(problem: Problem, bound: float) -> Problem:
-    return Problem(problem.levels, hard=Level(np.eye(problem.n), -bound, bound))
 
 
 def test_the_weighted_sum() -> None:
