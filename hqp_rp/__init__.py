@@ -35,19 +35,24 @@ if TYPE_CHECKING:
     from hqp_rp.control.catalogue import Catalogue, find_singularities
     from hqp_rp.control.center_of_mass_task import CenterOfMassTask
     from hqp_rp.control.collision_limit import CollisionLimit
+    from hqp_rp.control.cone_limit import ConeLimit
+    from hqp_rp.control.frame_speed_limit import FrameSpeedLimit
     from hqp_rp.control.half_space_limit import HalfSpaceLimit
     from hqp_rp.control.joint_coupling import JointCoupling
     from hqp_rp.control.joint_limit import JointLimit
     from hqp_rp.control.limit import Limit, VelocityLimit
     from hqp_rp.control.locked_joints import LockedJoints
+    from hqp_rp.control.look_at_task import LookAtTask
     from hqp_rp.control.motion_runner import MotionRunner
     from hqp_rp.control.orientation_task import OrientationTask
     from hqp_rp.control.pointing_task import PointingTask
+    from hqp_rp.control.pose_limit import PoseLimit
     from hqp_rp.control.pose_task import PoseTask
     from hqp_rp.control.position_task import PositionTask
     from hqp_rp.control.posture_task import PostureTask
     from hqp_rp.control.relative_pose_task import RelativePoseTask
     from hqp_rp.control.stack import Stack
+    from hqp_rp.control.support_polygon_limit import SupportPolygonLimit
     from hqp_rp.control.task import Task
     from hqp_rp.control.torque_limit import TorqueLimit
     from hqp_rp.control.twist_task import TwistTask
@@ -67,11 +72,13 @@ __all__ = [
     "CenterOfMassTask",
     "Certificate",
     "CollisionLimit",
+    "ConeLimit",
     "ConstantDamping",
     "Damping",
     "Distance",
     "ErrorDamping",
     "FileError",
+    "FrameSpeedLimit",
     "HalfSpaceLimit",
     "HqpError",
     "JointCoupling",
@@ -81,12 +88,14 @@ __all__ = [
     "LevelReport",
     "Limit",
     "LockedJoints",
+    "LookAtTask",
     "MissingExtraError",
     "MotionRunner",
     "NoDamping",
     "NoSolutionError",
     "OrientationTask",
     "PointingTask",
+    "PoseLimit",
     "PoseTask",
     "PositionTask",
     "PostureTask",
@@ -100,6 +109,7 @@ __all__ = [
     "Solver",
     "Stack",
     "Status",
+    "SupportPolygonLimit",
     "Task",
     "TorqueLimit",
     "Truncation",
@@ -130,20 +140,25 @@ _LAZY = {
     "find_singularities": "control.catalogue",
     "CenterOfMassTask": "control.center_of_mass_task",
     "CollisionLimit": "control.collision_limit",
+    "ConeLimit": "control.cone_limit",
+    "FrameSpeedLimit": "control.frame_speed_limit",
     "HalfSpaceLimit": "control.half_space_limit",
     "JointCoupling": "control.joint_coupling",
     "JointLimit": "control.joint_limit",
     "Limit": "control.limit",
     "VelocityLimit": "control.limit",
     "LockedJoints": "control.locked_joints",
+    "LookAtTask": "control.look_at_task",
     "MotionRunner": "control.motion_runner",
     "OrientationTask": "control.orientation_task",
     "PointingTask": "control.pointing_task",
+    "PoseLimit": "control.pose_limit",
     "PoseTask": "control.pose_task",
     "PositionTask": "control.position_task",
     "PostureTask": "control.posture_task",
     "RelativePoseTask": "control.relative_pose_task",
     "Stack": "control.stack",
+    "SupportPolygonLimit": "control.support_polygon_limit",
     "Task": "control.task",
     "TorqueLimit": "control.torque_limit",
     "TwistTask": "control.twist_task",

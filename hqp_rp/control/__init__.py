@@ -6,7 +6,9 @@ from hqp_rp.control.activation import BlendedSolution, blend, ramp
 from hqp_rp.control.center_of_mass_task import CenterOfMassTask
 from hqp_rp.control.collision_limit import CollisionLimit
 from hqp_rp.control.command import Command, Mode
+from hqp_rp.control.cone_limit import ConeLimit
 from hqp_rp.control.force import ForceReference
+from hqp_rp.control.frame_speed_limit import FrameSpeedLimit
 from hqp_rp.control.half_space_limit import HalfSpaceLimit
 from hqp_rp.control.hybrid import HybridReference
 from hqp_rp.control.impedance import ImpedanceReference
@@ -16,15 +18,18 @@ from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.joint_limit_potential import JointLimitPotential
 from hqp_rp.control.limit import Limit, VelocityLimit
 from hqp_rp.control.locked_joints import LockedJoints
+from hqp_rp.control.look_at_task import LookAtTask
 from hqp_rp.control.motion_runner import MotionRunner
 from hqp_rp.control.orientation_task import OrientationTask
 from hqp_rp.control.pointing_task import PointingTask
+from hqp_rp.control.pose_limit import PoseLimit
 from hqp_rp.control.pose_task import PoseTask
 from hqp_rp.control.position_task import PositionTask
 from hqp_rp.control.posture_task import PostureTask
 from hqp_rp.control.reference import Reference
 from hqp_rp.control.relative_pose_task import RelativePoseTask
 from hqp_rp.control.stack import Stack
+from hqp_rp.control.support_polygon_limit import SupportPolygonLimit
 from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.control.twist_task import TwistTask
@@ -35,8 +40,10 @@ __all__ = [
     "CenterOfMassTask",
     "CollisionLimit",
     "Command",
+    "ConeLimit",
     "FeedbackTask",
     "ForceReference",
+    "FrameSpeedLimit",
     "HalfSpaceLimit",
     "HybridReference",
     "ImpedanceReference",
@@ -46,16 +53,19 @@ __all__ = [
     "JointLimitPotential",
     "Limit",
     "LockedJoints",
+    "LookAtTask",
     "Mode",
     "MotionRunner",
     "OrientationTask",
     "PointingTask",
+    "PoseLimit",
     "PoseTask",
     "PositionTask",
     "PostureTask",
     "Reference",
     "RelativePoseTask",
     "Stack",
+    "SupportPolygonLimit",
     "Task",
     "TorqueLimit",
     "TwistTask",

@@ -130,6 +130,11 @@ def frame_name(value: object, what: str) -> str:
     return value
 
 
+def frame_point(value: ArrayLike | None, owner: str) -> FloatArray:
+    """The point (3,) of a frame that is meant, in m and in the frame's own axes; None is its origin."""
+    return finite_vector(np.zeros(3) if value is None else value, 3, f"the point of {owner!r}", "m")
+
+
 def axis_rows(axes: str | Sequence[str], valid: tuple[str, ...], what: str) -> tuple[tuple[str, ...], Rows]:
     """The chosen axes in the order given, and their row indices (a slice when they are consecutive)."""
     chosen = tuple(axes) if not isinstance(axes, str) else ((axes,) if axes in valid else tuple(axes))

@@ -8,9 +8,19 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_numbers, axis_rows, finite_vector, frame_name
+from hqp_rp.control._checks import (
+    LINEAR_AXES,
+    TWIST_AXES,
+    WORLD,
+    axis_numbers,
+    axis_rows,
+    finite_vector,
+    frame_name,
+    frame_point,
+)
 from hqp_rp.control._native_rows import Layout
 from hqp_rp.control.task import FeedbackTask
+from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.row_kinds import FRAME
 from hqp_rp.robot.robot import Robot
@@ -24,7 +34,7 @@ class FrameTask(FeedbackTask, Generic[Target]):
     Not used by itself: see `PositionTask`, `OrientationTask`, `PoseTask`.
     """
 
-    __slots__ = ("_axes", "_expressed_in", "_feedforward", "_frame", "_target")
+    __slots__ = ("_axes", "_expressed_in", "_feedforward", "_frame", "_point", "_target")
 
     _kind: ClassVar[str]
     _valid: ClassVar[tuple[str, ...]]
@@ -40,6 +50,7 @@ class FrameTask(FeedbackTask, Generic[Target]):
         gain: ArrayLike = 1.0,
         feedforward: ArrayLike | None = None,
         weight: ArrayLike = 1.0,
+        point: ArrayLike | None = None,
         name: str = "",
     ) -> None:
         self._frame = frame_name(frame, "frame")
@@ -47,6 +58,9 @@ class FrameTask(FeedbackTask, Generic[Target]):
         label = name or f"{frame} {self._kind}"
         self._axes, _ = axis_rows(self._valid if axes is None else axes, self._valid, f"axes of {label!r}")
         super().__init__(len(self._axes), label, gain, weight)
+        if point is not None and not any(axis in LINEAR_AXES for axis in self._axes):
+            raise SettingError(f"{label!r} turns its frame alone, where a point changes nothing; leave `point` out.")
+        self._point = frame_point(point, label)
         self.feedforward = feedforward
         self.target = target
 
@@ -89,6 +103,11 @@ class FrameTask(FeedbackTask, Generic[Target]):
         return (self._frame, self._expressed_in)
 
     @property
+    def point(self) -> FloatArray:
+        """(3,) m, the point of the frame that is meant, in the frame's own axes: where a tool is."""
+        return self._point
+
+    @property
     def feedforward(self) -> FloatArray | None:
         """Velocity of the target in world axes, or None for a target at rest; may be set at every step."""
         return self._feedforward
@@ -104,7 +123,7 @@ class FrameTask(FeedbackTask, Generic[Target]):
         return Layout(FRAME, len(self._axes), axis_numbers(self._axes), self._frame, axes)
 
     def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
-        numbers, own = self._pack(layout, 18), 2 * layout.rows
+        numbers, own = self._pack(layout, 21), 2 * layout.rows
         if self._feedforward is not None:
             first = own + TWIST_AXES.index(self._valid[0])
             numbers[first : first + len(self._valid)] = self._feedforward
@@ -112,5 +131,6 @@ class FrameTask(FeedbackTask, Generic[Target]):
         if rotation is not None:
             numbers[own + 6 : own + 15] = rotation.ravel()
         if origin is not None:
-            numbers[own + 15 :] = origin
+            numbers[own + 15 : own + 18] = origin
+        numbers[own + 18 :] = self._point
         return numbers

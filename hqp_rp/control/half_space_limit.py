@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._approach import Approach, margin_of
-from hqp_rp.control._checks import finite_vector, frame_name, real_array
+from hqp_rp.control._checks import finite_vector, frame_name, frame_point, real_array
 from hqp_rp.control._rotations import skew
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
@@ -75,7 +75,7 @@ class HalfSpaceLimit:
         if where.ndim or not np.isfinite(where):
             raise SettingError(f"the offset of {self._name!r} is {offset!r}; it must be a finite number, in m.")
         self._normal, self._offset = direction / length, float(where) / length
-        self._point = finite_vector(np.zeros(3) if point is None else point, 3, f"the point of {self._name!r}", "m")
+        self._point = frame_point(point, self._name)
         self._margin = margin_of(margin, self._name)
         self._approach = Approach(gain, deceleration, return_speed, self._name)
 

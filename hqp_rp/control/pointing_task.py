@@ -55,15 +55,7 @@ class PointingTask(FeedbackTask):
     ) -> None:
         self._frame = frame_name(frame, "frame")
         super().__init__(2, name or f"{frame} pointing", gain, weight)
-        if isinstance(axis, str):
-            if axis not in ("x", "y", "z"):
-                raise SettingError(f"the axis of {self._name!r} is {axis!r}; give 'x', 'y', 'z' or a vector (3,).")
-            axis = [float(letter == axis) for letter in "xyz"]
-        a = _direction(axis, f"the axis of {self._name!r}")
-        # The frame's own axis nearest to perpendicular to a gives a basis that is well conditioned for every a.
-        first = skew(a) @ np.eye(3)[int(np.argmin(np.abs(a)))]
-        first /= np.linalg.norm(first)
-        self._basis: FloatArray = np.stack((first, skew(a) @ first, a), axis=1)
+        self._basis = basis_with(axis_vector(axis, self._name))
         self.direction = direction
         self.feedforward = feedforward
 
@@ -79,7 +71,7 @@ class PointingTask(FeedbackTask):
 
     @direction.setter
     def direction(self, value: ArrayLike) -> None:
-        self._direction = _direction(value, f"the direction of {self._name!r}")
+        self._direction = unit_vector(value, f"the direction of {self._name!r}")
         self._packed = None
 
     @property
@@ -98,15 +90,33 @@ class PointingTask(FeedbackTask):
         return Layout(POINTING, 2, [], self._frame)
 
     def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
-        numbers = self._pack(layout, 15)
+        numbers = self._pack(layout, 19)
         if self._feedforward is not None:
             numbers[4:7] = self._feedforward
         numbers[7:16] = self._basis.ravel()
-        numbers[16:] = self._direction
+        numbers[16:19] = self._direction
         return numbers
 
 
-def _direction(value: ArrayLike, what: str) -> FloatArray:
+def axis_vector(axis: ArrayLike | str, owner: str) -> FloatArray:
+    """The unit vector (3,) of "x", "y", "z" or of a vector of any length but zero."""
+    if isinstance(axis, str):
+        if axis not in ("x", "y", "z"):
+            raise SettingError(f"the axis of {owner!r} is {axis!r}; give 'x', 'y', 'z' or a vector (3,).")
+        axis = [float(letter == axis) for letter in "xyz"]
+    return unit_vector(axis, f"the axis of {owner!r}")
+
+
+def basis_with(a: FloatArray) -> FloatArray:
+    """A right-handed orthonormal basis (3, 3) whose last column is the unit vector a (3,)."""
+    # The axis nearest to perpendicular to a gives a basis that is well conditioned for every a.
+    first = skew(a) @ np.eye(3)[int(np.argmin(np.abs(a)))]
+    first /= np.linalg.norm(first)
+    return np.stack((first, skew(a) @ first, a), axis=1)
+
+
+def unit_vector(value: ArrayLike, what: str) -> FloatArray:
+    """`value` (3,) divided by its length, read-only; refuses zero."""
     vector = finite_vector(value, 3, what, "any unit of length")
     norm = float(np.linalg.norm(vector))
     if norm == 0.0:

@@ -25,6 +25,8 @@ class PoseTask(FrameTask[tuple[FloatArray, FloatArray]]):
         gain: 1/s, >= 0, one number or one for each row.
         feedforward: (6,) velocity of the target in world axes: m/s of its origin, then rad/s; None means 0.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
+        point: (3,) m, the point of the frame that is meant, in its own axes, such as the tip of a tool; None means its
+            origin.
         name: default "<frame> pose".
 
     `target`, `feedforward`, `gain` and `weight` may be set at every step.

@@ -24,6 +24,8 @@ class PositionTask(FrameTask[FloatArray]):
         gain: 1/s, >= 0, one number or one for each row.
         feedforward: (3,) velocity of the target in world axes, m/s; None means 0.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
+        point: (3,) m, the point of the frame that is meant, in its own axes, such as the tip of a tool; None means its
+            origin.
         name: default "<frame> position".
 
     `target`, `feedforward`, `gain` and `weight` may be set at every step.

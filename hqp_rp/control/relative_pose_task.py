@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import TWIST_AXES, axis_numbers, axis_rows, finite_vector, frame_name, pose
+from hqp_rp.control._checks import TWIST_AXES, axis_numbers, axis_rows, finite_vector, frame_name, frame_point, pose
 from hqp_rp.control._native_rows import Layout
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import SettingError
@@ -34,6 +34,8 @@ class RelativePoseTask(FeedbackTask):
         gain: 1/s, >= 0, one number or one for each row.
         feedforward: (6,) velocity of the target as seen from a, in its axes, m/s then rad/s; None means 0.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
+        point: (3,) m, the point of b that is meant, in its own axes, such as the tip of a tool; None means its
+            origin.
         name: default "<frame> in <reference>".
 
     `target`, `feedforward`, `gain` and `weight` may be set at every step.
@@ -42,7 +44,7 @@ class RelativePoseTask(FeedbackTask):
         SettingError: a value of the wrong shape, not finite, or out of its range; frame and reference the same.
     """
 
-    __slots__ = ("_axes", "_feedforward", "_frame", "_reference", "_target")
+    __slots__ = ("_axes", "_feedforward", "_frame", "_point", "_reference", "_target")
 
     def __init__(
         self,
@@ -54,6 +56,7 @@ class RelativePoseTask(FeedbackTask):
         gain: ArrayLike = 1.0,
         feedforward: ArrayLike | None = None,
         weight: ArrayLike = 1.0,
+        point: ArrayLike | None = None,
         name: str = "",
     ) -> None:
         self._frame = frame_name(frame, "frame")
@@ -63,6 +66,7 @@ class RelativePoseTask(FeedbackTask):
         label = name or f"{frame} in {reference}"
         self._axes, _ = axis_rows(axes, TWIST_AXES, f"axes of {label!r}")
         super().__init__(len(self._axes), label, gain, weight)
+        self._point = frame_point(point, label)
         self.target = target
         self.feedforward = feedforward
 
@@ -87,6 +91,11 @@ class RelativePoseTask(FeedbackTask):
         self._packed = None
 
     @property
+    def point(self) -> FloatArray:
+        """(3,) m, the point of b that is meant, in the axes of b."""
+        return self._point
+
+    @property
     def feedforward(self) -> FloatArray | None:
         """(6,) velocity of the target in the reference, m/s then rad/s, or None; may be set at every step."""
         return self._feedforward
@@ -102,10 +111,11 @@ class RelativePoseTask(FeedbackTask):
         return Layout(RELATIVE, len(self._axes), axis_numbers(self._axes), self._frame, self._reference)
 
     def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
-        numbers, own = self._pack(layout, 18), 2 * layout.rows
+        numbers, own = self._pack(layout, 21), 2 * layout.rows
         if self._feedforward is not None:
             numbers[own : own + 6] = self._feedforward
         rotation, origin = self._target
         numbers[own + 6 : own + 15] = rotation.ravel()
-        numbers[own + 15 :] = origin
+        numbers[own + 15 : own + 18] = origin
+        numbers[own + 18 :] = self._point
         return numbers

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from hqp_rp.control._checks import WORLD, check_frames
+from hqp_rp.control._checks import WORLD, check_frames, frame_point
+from hqp_rp.control.center_of_mass_task import center_of_mass
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
 from hqp_rp.core.errors import FileError, HqpError, SettingError, unknown_name, unknown_setting
@@ -28,6 +29,7 @@ TASKS = {
     "pose": "pose_task.PoseTask",
     "relative_pose": "relative_pose_task.RelativePoseTask",
     "pointing": "pointing_task.PointingTask",
+    "look_at": "look_at_task.LookAtTask",
     "posture": "posture_task.PostureTask",
     "twist": "twist_task.TwistTask",
     "center_of_mass": "center_of_mass_task.CenterOfMassTask",
@@ -41,6 +43,10 @@ LIMITS = {
     "velocity": "limit.VelocityLimit",
     "torque": "torque_limit.TorqueLimit",
     "half_space": "half_space_limit.HalfSpaceLimit",
+    "cone": "cone_limit.ConeLimit",
+    "pose": "pose_limit.PoseLimit",
+    "frame_speed": "frame_speed_limit.FrameSpeedLimit",
+    "support_polygon": "support_polygon_limit.SupportPolygonLimit",
     "collision": "collision_limit.CollisionLimit",
 }
 """Type in the file -> the limit's class in `hqp_rp.control`; its arguments are the keys of the table."""
@@ -121,8 +127,9 @@ class Item:
             check_frames(robot, [frame for frame in frames if isinstance(frame, str)], self.type)
             if "target" in _keys(self) and "target" not in values:
                 values["target"] = _neutral_target(self.type, robot, values)
-            elif self.type in ("pose", "relative_pose") and isinstance(values["target"], dict):
-                values["target"] = _pose(values["target"])
+            for key in ("target", "origin"):
+                if self.type in ("pose", "relative_pose") and isinstance(values.get(key), dict):
+                    values[key] = _pose(values[key], key)
             if self.type == "collision" and isinstance(values.get("pairs"), list):
                 values["pairs"] = [tuple(pair) if isinstance(pair, list) else pair for pair in values["pairs"]]
             return _class_of(self)(**values)
@@ -231,8 +238,13 @@ def _neutral_target(kind: str, robot: Robot, values: Mapping[str, Any]) -> Any:
     if kind == "posture":
         return robot.q
     if kind == "center_of_mass":
-        return robot.center_of_mass()
+        bodies = values.get("bodies")
+        return center_of_mass(robot, [bodies] if isinstance(bodies, str) else bodies, "center_of_mass")[0]
+    if kind == "look_at":
+        raise SettingError("there is no target; give the place to look at, 3 numbers in m.")
     rotation, position = _frame(robot, values["frame"])
+    if "point" in values:
+        position = position + rotation @ frame_point(values["point"], kind)
     if kind == "position":
         return position
     if kind == "orientation":
@@ -247,10 +259,10 @@ def _frame(robot: Robot, name: str) -> tuple[Any, Any]:
     return (np.eye(3), np.zeros(3)) if name == WORLD else robot.pose(name)
 
 
-def _pose(table: Mapping[str, Any]) -> tuple[Any, Any]:
+def _pose(table: Mapping[str, Any], key: str) -> tuple[Any, Any]:
     if set(table) != {"rotation", "position"}:
         raise SettingError(
-            f"target has the keys {', '.join(sorted(table)) or 'none'}; give rotation (a quaternion (w, x, y, z) or a "
+            f"{key} has the keys {', '.join(sorted(table)) or 'none'}; give rotation (a quaternion (w, x, y, z) or a "
             "3 x 3 matrix) and position (3 numbers in m), or a 4 x 4 matrix."
         )
     return table["rotation"], table["position"]

@@ -7,7 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import TWIST_AXES, WORLD, axis_numbers, axis_rows, finite_vector, frame_name, per_row
+from hqp_rp.control._checks import (
+    TWIST_AXES,
+    WORLD,
+    axis_numbers,
+    axis_rows,
+    finite_vector,
+    frame_name,
+    frame_point,
+    per_row,
+)
 from hqp_rp.control._native_rows import Layout, NativeTask
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.row_kinds import TWIST
@@ -28,6 +37,8 @@ class TwistTask(NativeTask):
         axes: any of "x", "y", "z", "rx", "ry", "rz", in the order the rows shall have.
         expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
+        point: (3,) m, the point of the frame that is meant, in its own axes, such as the tip of a tool; None means its
+            origin.
         name: default "<frame> twist".
 
     `velocity` may be set at every step.
@@ -37,7 +48,7 @@ class TwistTask(NativeTask):
             exist.
     """
 
-    __slots__ = ("_axes", "_expressed_in", "_frame", "_name", "_velocity", "_weight")
+    __slots__ = ("_axes", "_expressed_in", "_frame", "_name", "_point", "_velocity", "_weight")
 
     def __init__(
         self,
@@ -47,6 +58,7 @@ class TwistTask(NativeTask):
         axes: str | Sequence[str] = TWIST_AXES,
         expressed_in: str = WORLD,
         weight: ArrayLike = 1.0,
+        point: ArrayLike | None = None,
         name: str = "",
     ) -> None:
         self._alone = None
@@ -54,6 +66,7 @@ class TwistTask(NativeTask):
         self._expressed_in = frame_name(expressed_in, "expressed_in")
         self._name = name or f"{frame} twist"
         self._axes, _ = axis_rows(axes, TWIST_AXES, f"axes of {self._name!r}")
+        self._point = frame_point(point, self._name)
         self._weight = per_row(weight, len(self._axes), f"the weight of {self._name!r}", positive=True)
         self.velocity = np.zeros(len(self._axes)) if velocity is None else velocity
 
@@ -73,6 +86,11 @@ class TwistTask(NativeTask):
         return (self._frame, self._expressed_in)
 
     @property
+    def point(self) -> FloatArray:
+        """(3,) m, the point of the frame that is meant, in the frame's own axes."""
+        return self._point
+
+    @property
     def velocity(self) -> FloatArray:
         """(k,) m/s and rad/s, one number for each chosen axis."""
         return self._velocity
@@ -88,9 +106,10 @@ class TwistTask(NativeTask):
 
     def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
         m = layout.rows
-        numbers = np.zeros(3 * m)
+        numbers = np.zeros(3 * m + 3)
         numbers[m : 2 * m] = self._weight
-        numbers[2 * m :] = self._velocity
+        numbers[2 * m : 3 * m] = self._velocity
+        numbers[3 * m :] = self._point
         return numbers
 
     def __repr__(self) -> str:

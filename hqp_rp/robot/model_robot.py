@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
+from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.coupling import Coupling
 from hqp_rp.robot.frames import FrameTable
@@ -101,6 +103,17 @@ class ModelRobot:
                 f"[{self._lower[i]:g}, {self._upper[i]:g}]{more}; give another with neutral=.",
                 UserWarning,
                 stacklevel=4,
+            )
+
+    def _require_moving(self, carrier: int, frame: str) -> None:
+        """Raises `RobotError` for a frame carried by 0, the world."""
+        if carrier == 0:
+            raise RobotError(f"The frame {frame!r} of {self._name} is fixed to the world; name one that moves.")
+
+    def _require_part_mass(self, mass: float, bodies: Sequence[str]) -> None:
+        if mass <= 0.0:
+            raise RobotError(
+                f"The parts {', '.join(bodies) or 'none'} of {self._name} have no mass, hence no centre of mass."
             )
 
     def _frame(self, frame: object) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -239,6 +239,42 @@ class MujocoRobot(ModelRobot):
     def center_of_mass_jacobian(self) -> FloatArray:
         """(3, nv) velocity of that centre of mass in world axes, per unit v."""
         return self._center_of_mass()[1]
+
+    def part_center_of_mass(self, bodies: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Centre of mass (3,) of parts of the robot in the world, and its velocity (3, nv) in world axes, per unit v.
+
+        Args:
+            bodies: names of frames: each stands for all that moves with its body, what that body carries included. None is
+                counted twice.
+
+        Raises:
+            RobotError: a name that there is not, a body that is fixed to the world, or parts without mass.
+        """
+        self._complete()
+        model, data = self._model, self._data
+        roots = {self._moving_body(name) for name in bodies}
+        total, center, jacobian, own = 0.0, np.zeros(3), np.zeros((3, self._nv)), np.empty((3, self._nv))
+        for body in roots:
+            above = int(model.body_parentid[body])
+            while above and above not in roots:
+                above = int(model.body_parentid[above])
+            mass = float(model.body_subtreemass[body])
+            if above or mass == 0.0:
+                continue  # a part of another part
+            mujoco.mj_jacSubtreeCom(model, data, own, body)
+            total += mass
+            center += mass * data.subtree_com[body]
+            jacobian += mass * own
+        self._require_part_mass(total, bodies)
+        return center / total, jacobian / total
+
+    def _moving_body(self, name: str) -> int:
+        """The body that moves and to which this frame is fixed."""
+        index = self._frame(name)
+        body = index if index < self._nbody else int(self._model.site_bodyid[index - self._nbody])
+        body = int(self._model.body_weldid[body])
+        self._require_moving(body, name)
+        return body
 
     def mass_matrix(self) -> FloatArray:
         """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -237,6 +237,28 @@ class PinocchioRobot(ModelRobot):
         self._require_mass()
         jacobian = pin.jacobianCenterOfMass(self._model, self._dynamics, self._normalized, False)
         return np.array(jacobian, order="C").reshape(3, self._nv)
+
+    def part_center_of_mass(self, bodies: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """As `MujocoRobot.part_center_of_mass`."""
+        model, data = self._model, self._dynamics
+        roots = {self._moving_joint(name) for name in bodies}
+        total, center, jacobian = 0.0, np.zeros(3), np.zeros((3, self._nv))
+        for joint in roots:
+            if roots & set(list(model.supports[joint])[:-1]):
+                continue  # a part of another part
+            own = pin.jacobianSubtreeCenterOfMass(model, data, self._normalized, joint)
+            mass = float(data.mass[joint])
+            total += mass
+            center += mass * np.asarray(data.com[joint])
+            jacobian += mass * np.array(own).reshape(3, self._nv)
+        self._require_part_mass(total, bodies)
+        return center / total, jacobian / total
+
+    def _moving_joint(self, name: str) -> int:
+        """The joint that carries this frame."""
+        joint = int(self._model.frames[self._frame(name)].parentJoint)
+        self._require_moving(joint, name)
+        return joint
 
     def mass_matrix(self) -> FloatArray:
         """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""

@@ -10,15 +10,20 @@ import pytest
 from hqp_rp.control import (
     CenterOfMassTask,
     CollisionLimit,
+    ConeLimit,
+    FrameSpeedLimit,
     HalfSpaceLimit,
     JointLimit,
+    LookAtTask,
     OrientationTask,
     PointingTask,
+    PoseLimit,
     PoseTask,
     PositionTask,
     PostureTask,
     RelativePoseTask,
     Stack,
+    SupportPolygonLimit,
     TorqueLimit,
     TwistTask,
     VelocityLimit,
@@ -272,3 +277,64 @@ def test_files_that_cannot_be_read(tmp_path: pathlib.Path) -> None:
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match="cannot be read"):
         load_stack(tmp_path / "bytes.toml")
+
+
+def test_points_parts_and_limits_on_frames() -> None:
+    robot = MujocoRobot.from_arm(sawyer())
+    text = """
+    dt = 0.01
+    [[limit]]
+    type = "cone"
+    frame = "tool"
+    direction = [0, 0, -1]
+    angle = 1.0
+    [[limit]]
+    type = "pose"
+    frame = "tool"
+    lower = [-inf, -1.0]
+    upper = [0.8, 1.0]
+    axes = ["x", "rz"]
+    relative_to = "link2"
+    origin = { position = [0.1, 0.2, 0.3], rotation = [1, 0, 0, 0] }
+    [[limit]]
+    type = "frame_speed"
+    frame = "tool"
+    linear = 0.25
+    [[level]]
+    [[level.task]]
+    type = "look_at"
+    frame = "tool"
+    target = [1, 0, 0]
+    point = [0, 0, 0.1]
+    [[level.limit]]
+    type = "support_polygon"
+    points = { link1 = [[1, 1, 0], [-1, 1, 0], [-1, -1, 1]] }
+    [[level]]
+    [[level.task]]
+    type = "position"
+    frame = "tool"
+    point = [0, 0, 0.2]
+    [[level]]
+    [[level.task]]
+    type = "center_of_mass"
+    bodies = ["link5"]
+    """
+    polygon = SupportPolygonLimit({"link1": [[1, 1, 0], [-1, 1, 0], [-1, -1, 1]]})
+    tool = robot.pose("tool")[1] + robot.pose("tool")[0] @ [0, 0, 0.2]
+    origin = ([1, 0, 0, 0], [0.1, 0.2, 0.3])
+    written = Stack(
+        [
+            [LookAtTask("tool", [1, 0, 0], point=[0, 0, 0.1]), polygon],
+            PositionTask("tool", tool, point=[0, 0, 0.2]),
+            CenterOfMassTask(robot.part_center_of_mass(["link5"])[0], bodies=["link5"]),
+        ],
+        [
+            ConeLimit("tool", [0, 0, -1], 1.0),
+            PoseLimit("tool", [-np.inf, -1.0], [0.8, 1.0], axes=["x", "rz"], relative_to="link2", origin=origin),
+            FrameSpeedLimit("tool", 0.25),
+        ],
+    )
+    same(parse_stack(text).stack(robot).problem(robot, 0.01), written.problem(robot, 0.01))
+    looking = "[[level]]\n[[level.task]]\ntype = 'look_at'\nframe = 'tool'"
+    with pytest.raises(SettingError, match="there is no target; give the place to look at"):
+        parse_stack(looking).stack(robot)

@@ -268,3 +268,44 @@ def test_a_full_orientation_task_decays_exactly_from_a_large_error():
         J, rate = task.evaluate(robot)
         robot.update(robot.q + dt * np.linalg.pinv(J) @ rate)
     np.testing.assert_allclose(task.error(robot), r * np.exp(-2.0 * steps * dt), atol=5e-3)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_a_point_of_the_frame_is_a_frame_there(rng, frame):
+    robot = random_chain(rng)
+    point, target = rng.normal(size=3), rng.normal(size=3)
+    check_exact(robot, PositionTask("tool", target, point=point, expressed_in=frame), rng)
+    R, p = robot.pose("tool")
+    np.testing.assert_allclose(
+        PositionTask("tool", target, point=point).error(robot), target - p - R @ point, atol=1e-14
+    )
+    pose = PoseTask("tool", (random_rotation(rng), target), axes=["rx", "z", "x"], point=point, expressed_in=frame)
+    both = PositionTask("tool", target, axes="zx", point=point, expressed_in=frame)
+    np.testing.assert_array_equal(pose.jacobian(robot)[1:], both.jacobian(robot))
+    np.testing.assert_array_equal(pose.error(robot)[1:], both.error(robot))
+
+
+def test_a_point_seen_from_another_frame_is_exact(rng):
+    robot = random_chain(rng)
+    pose = random_rotation(rng), rng.normal(size=3)
+    check_exact(robot, RelativePoseTask("tool", "link2", pose, axes="xyz", point=rng.normal(size=3)), rng)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_a_twist_of_a_point_is_its_velocity(rng, frame):
+    robot = random_chain(rng)
+    point, v = rng.normal(size=3), rng.normal(size=robot.nv)
+    task = TwistTask(
+        "tool", [0, 0, 0, 0], axes=["x", "rz", "y", "z"], point=point, expressed_in=frame, weight=[1, 2, 3, 4]
+    )
+
+    def place():
+        R, p = robot.pose("tool")
+        return p + R @ point
+
+    R = np.eye(3) if frame == "world" else robot.pose(frame)[0]
+    moved = np.delete(task.jacobian(robot) @ v, 1)
+    np.testing.assert_allclose(moved, R.T @ derivative(robot, place, v), rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(
+        task.evaluate(robot)[0], np.array([[1], [2], [3], [4]]) * task.jacobian(robot), rtol=1e-12, atol=1e-14
+    )

@@ -6,8 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hqp_rp.control import CenterOfMassTask, PositionTask, Stack
+from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot import DHArm, MujocoRobot, PinocchioRobot, Robot, load_robot
+from tests.control.chain import random_chain
 from tests.robot.models import ARMS, MIXED_MJCF, URDF, free_base_change, mixed_configurations
 
 TOLERANCE = 1e-10
@@ -205,3 +208,53 @@ def test_what_is_fixed_to_the_world_has_no_part_in_the_centre_of_mass(tmp_path, 
     heavier = load_robot(path, library)
     np.testing.assert_allclose(whole.center_of_mass(), heavier.center_of_mass(), atol=1e-12)
     np.testing.assert_allclose(whole.center_of_mass_jacobian(), heavier.center_of_mass_jacobian(), atol=1e-12)
+
+
+def test_parts_have_the_same_centre_of_mass_in_both_libraries_and_its_velocity():
+    source = mujoco.MjModel.from_xml_string(MIXED_MJCF)
+    first, second = MujocoRobot(source), PinocchioRobot.from_mujoco(source)
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        q, other = mixed_configurations(rng)
+        first.update(q)
+        second.update(other)
+        T = free_base_change(first, "base")
+        for bodies in (["arm"], ["base"], ["body:both", "arm"], ["mark"]):
+            (c1, J1), (c2, J2) = first.part_center_of_mass(bodies), second.part_center_of_mass(bodies)
+            np.testing.assert_allclose(c1, c2, atol=TOLERANCE, rtol=0)
+            np.testing.assert_allclose(J1 @ T, J2, atol=TOLERANCE, rtol=0)
+            v, ends = rng.normal(size=first.nv), []
+            for sign in (1e-6, -1e-6):
+                first.update(first.integrate(q, v, sign))
+                ends.append(first.part_center_of_mass(bodies)[0])
+            first.update(q)
+            np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, J1 @ v, atol=1e-7)
+        np.testing.assert_allclose(first.part_center_of_mass(["base"])[0], first.center_of_mass(), atol=TOLERANCE)
+        np.testing.assert_array_equal(first.part_center_of_mass(["mark"])[0], first.part_center_of_mass(["arm"])[0])
+    for robot in (first, second):
+        with pytest.raises(RobotError, match=r"The frame 'fixed' of .* is fixed to the world; name one that moves"):
+            robot.part_center_of_mass(["fixed"])
+        with pytest.raises(RobotError, match="nowhere"):
+            robot.part_center_of_mass(["nowhere"])
+        with pytest.raises(RobotError, match="have no mass"):
+            robot.part_center_of_mass([])
+
+
+def test_a_task_moves_the_centre_of_mass_of_a_part():
+    robot = MujocoRobot(mujoco.MjModel.from_xml_string(MIXED_MJCF))
+    robot.update(mixed_configurations(np.random.default_rng(1))[0])
+    center, jacobian = robot.part_center_of_mass(["arm"])
+    task = CenterOfMassTask(
+        center + np.array([0.1, 0.2, 0.3]), axes="zx", bodies="arm", gain=2.0, weight=[1.0, 3.0], feedforward=[1, 0, 0]
+    )
+    assert task.name == "centre of mass of arm"
+    np.testing.assert_allclose(task.error(robot), [0.3, 0.1])
+    np.testing.assert_allclose(task.jacobian(robot), jacobian[[2, 0]])
+    J, rate = task.evaluate(robot)
+    np.testing.assert_allclose(J, [[1.0], [3.0]] * jacobian[[2, 0]])
+    np.testing.assert_allclose(rate, [0.6, 3.6])
+    problem = Stack([task, PositionTask("mark", [0, 0, 0])]).problem(robot)
+    np.testing.assert_array_equal(problem.levels[0].A, J)
+    chain = random_chain(np.random.default_rng(0))
+    with pytest.raises(RobotError, match="a Chain does not tell the centre of mass of a part"):
+        CenterOfMassTask([0, 0, 0], bodies="tool").evaluate(chain)

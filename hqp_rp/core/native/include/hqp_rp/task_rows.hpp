@@ -84,18 +84,38 @@ class TaskRows {
     for (int j = 0; j < n; ++j) row[j] = x * J[half * n + j] + y * J[(half + 1) * n + j] + z * J[(half + 2) * n + j];
   }
 
-  // Position over orientation along chosen axes: numbers gain, weight, world feed-forward (6), R* (9), p* (3); index: axes.
+  // lever (3,) <- from the origin of frame f to a point (3,) given in its axes, in world axes; whether it is not zero.
+  bool lever_of(int f, const double* point, double* lever) const {
+    const double* R = rotation(f);
+    for (int k = 0; k < 3; ++k) lever[k] = R[3 * k] * point[0] + R[3 * k + 1] * point[1] + R[3 * k + 2] * point[2];
+    return point[0] != 0.0 || point[1] != 0.0 || point[2] != 0.0;
+  }
+
+  // row (n,) += r . (omega x lever) = (lever x r) . omega: what turning adds to the velocity of a point along r.
+  void add_turning(const double* J, const double* r, const double* lever, double* row) const {
+    const double x = lever[1] * r[2] - lever[2] * r[1], y = lever[2] * r[0] - lever[0] * r[2], z = lever[0] * r[1] - lever[1] * r[0];
+    for (int j = 0; j < n; ++j) row[j] += x * J[3 * n + j] + y * J[4 * n + j] + z * J[5 * n + j];
+  }
+
+  // r (3,) <- w times an axis, 0 to 2, of the world or, for axes >= 0, of that frame.
+  void axis_of_frame(int axes, int axis, double w, double* r) const {
+    for (int k = 0; k < 3; ++k) r[k] = axes < 0 ? (k == axis ? w : 0.0) : w * rotation(axes)[3 * k + axis];
+  }
+
+  // Position over orientation along chosen axes: numbers gain, weight, world feed-forward (6), R* (9), p* (3), the point of the frame
+  // that is meant, in its axes (3); index: axes.
   // [R_f^T J_p - [e_p]x R_f^T J_omega,f; R_f^T J_omega] and e = [R_f^T (p* - p); R_f^T log(R* R^T)].
   void frame_task(const RowItem& item, double* rows, double* rate, bool plain) const {
     const int m = item.rows, f = item.moved, axes = item.axes;
     const double *gain = numbers + item.numbers, *weight = gain + m, *forward = weight + m, *target = forward + 6, *place = target + 9;
     const std::int64_t* axis_of = index + item.index;
     const double* J = jacobian(f);
-    double e[6] = {}, feed[6];
+    double e[6] = {}, feed[6], lever[3], r[3];
+    const bool offset = lever_of(f, place + 3, lever);
     bool linear = false, angular = false;
     for (int i = 0; i < m; ++i) (axis_of[i] < 3 ? linear : angular) = true;
     if (linear)
-      for (int k = 0; k < 3; ++k) e[k] = place[k] - origin(f)[k];
+      for (int k = 0; k < 3; ++k) e[k] = place[k] - (origin(f)[k] + lever[k]);
     if (angular) rotation_error(target, rotation(f), e + 3);
     for (int k = 0; k < 6; ++k) feed[k] = forward[k];
     if (axes >= 0)
@@ -109,6 +129,10 @@ class TaskRows {
       double* row = rows + static_cast<std::ptrdiff_t>(i) * n;
       rate[i] = plain ? e[axis] : w * (feed[axis] + gain[i] * e[axis]);
       frame_row(J, axes, axis, w, row);
+      if (offset && axis < 3) {
+        axis_of_frame(axes, axis, w, r);
+        add_turning(J, r, lever, row);
+      }
       if (axes < 0 || axis >= 3) continue;
       // ([e]x R^T omega)_c = e_a (R^T omega)_b - e_b (R^T omega)_a with (c, a, b) in cyclic order
       const double *R = rotation(axes), *turning = jacobian(axes);
@@ -119,14 +143,21 @@ class TaskRows {
     }
   }
 
-  // A commanded velocity: numbers gain (not used), weight, velocity (m); index: axes. Rows (R_f^T J)[axes].
+  // A commanded velocity: numbers gain (not used), weight, velocity (m), point (3); index: axes. Rows (R_f^T J)[axes].
   void twist_task(const RowItem& item, double* rows, double* rate, bool plain) const {
     const int m = item.rows;
-    const double *weight = numbers + item.numbers + m, *velocity = weight + m;
+    const double *weight = numbers + item.numbers + m, *velocity = weight + m, *J = jacobian(item.moved);
+    double lever[3], r[3];
+    const bool offset = lever_of(item.moved, velocity + m, lever);
     for (int i = 0; i < m; ++i) {
+      const int axis = static_cast<int>(index[item.index + i]);
       const double w = plain ? 1.0 : weight[i];
+      double* row = rows + static_cast<std::ptrdiff_t>(i) * n;
       rate[i] = w * velocity[i];
-      frame_row(jacobian(item.moved), item.axes, static_cast<int>(index[item.index + i]), w, rows + static_cast<std::ptrdiff_t>(i) * n);
+      frame_row(J, item.axes, axis, w, row);
+      if (!offset || axis >= 3) continue;
+      axis_of_frame(item.axes, axis, w, r);
+      add_turning(J, r, lever, row);
     }
   }
 
@@ -153,8 +184,9 @@ class TaskRows {
     const int m = item.rows, b = item.moved, a = item.axes;
     const double *gain = numbers + item.numbers, *weight = gain + m, *forward = weight + m, *target = forward + 6, *place = target + 9;
     const double *R_a = rotation(a), *R_b = rotation(b), *J_a = jacobian(a), *J_b = jacobian(b);
-    double e[6], between[3], local[3], seen[9];
-    for (int k = 0; k < 3; ++k) between[k] = origin(b)[k] - origin(a)[k];
+    double e[6], between[3], local[3], seen[9], lever[3];
+    const bool offset = lever_of(b, place + 3, lever);
+    for (int k = 0; k < 3; ++k) between[k] = origin(b)[k] + lever[k] - origin(a)[k];
     to_local(R_a, between, local);
     for (int k = 0; k < 3; ++k) e[k] = place[k] - local[k];
     for (int i = 0; i < 3; ++i)
@@ -174,19 +206,36 @@ class TaskRows {
         // r . ([d]x omega) = (r x d) . omega
         const double u = y * between[2] - z * between[1], v = z * between[0] - x * between[2], s = x * between[1] - y * between[0];
         for (int j = 0; j < n; ++j) row[j] += u * J_a[3 * n + j] + v * J_a[4 * n + j] + s * J_a[5 * n + j];
+        const double r[3] = {x, y, z};
+        if (offset) add_turning(J_b, r, lever, row);
       }
       for (int j = 0; j < n && w != 1.0; ++j) row[j] *= w;
     }
   }
 
-  // An axis onto a direction: numbers gain, weight (2), feed-forward (3), basis (9), direction d (3); two rows.
-  // With B = R basis = (b1, b2, a): e = theta (-d . b2, d . b1) / |a x d|, J = (b1, b2)^T J_omega.
+  // An axis onto a direction: numbers gain, weight (2), feed-forward (3), basis (9), direction d (3), whether it is the direction of a
+  // place (1), the point from where it is seen, in the frame's axes (3); two rows.
+  // With B = R basis = (b1, b2, a): e = theta (-d . b2, d . b1) / |a x d|, J = (b1, b2)^T J_omega. A place p* at the distance r from the
+  // point p is seen in the direction d = (p* - p) / r, which turns as p moves: J = (b1, b2)^T (J_omega + [d]x J_p / r).
   void pointing_task(const RowItem& item, double* rows, double* rate, bool plain) const {
-    const double *gain = numbers + item.numbers, *weight = gain + 2, *forward = weight + 2, *basis = forward + 3, *direction = basis + 9;
+    const double *gain = numbers + item.numbers, *weight = gain + 2, *forward = weight + 2, *basis = forward + 3, *given = basis + 9;
     const double *R = rotation(item.moved), *J = jacobian(item.moved);
-    double B[9], d[3], feed[3];
+    const bool place = given[3] != 0.0;
+    double B[9], d[3], feed[3], direction[3] = {given[0], given[1], given[2]}, turning[3] = {forward[0], forward[1], forward[2]}, lever[3] = {};
+    double distance = 0.0;
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) B[3 * i + j] = R[3 * i] * basis[j] + R[3 * i + 1] * basis[3 + j] + R[3 * i + 2] * basis[6 + j];
+    if (place) {
+      lever_of(item.moved, given + 4, lever);
+      for (int k = 0; k < 3; ++k) direction[k] -= origin(item.moved)[k] + lever[k];
+      distance = std::sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
+      for (int k = 0; k < 3; ++k) direction[k] = distance > 0.0 ? direction[k] / distance : B[3 * k + 2];
+      // The velocity of the place turns the direction by d x forward / r.
+      const double *u = direction, scale = distance > 0.0 ? 1.0 / distance : 0.0;
+      turning[0] = scale * (u[1] * forward[2] - u[2] * forward[1]);
+      turning[1] = scale * (u[2] * forward[0] - u[0] * forward[2]);
+      turning[2] = scale * (u[0] * forward[1] - u[1] * forward[0]);
+    }
     to_local(B, direction, d);
     const double sine = std::hypot(d[0], d[1]);
     double error[2] = {d[2] > 0.0 ? 0.0 : 3.14159265358979323846, 0.0};
@@ -194,12 +243,19 @@ class TaskRows {
       const double factor = std::atan2(sine, d[2]) / sine;
       error[0] = -factor * d[1], error[1] = factor * d[0];
     }
-    to_local(B, forward, feed);
+    to_local(B, turning, feed);
     for (int i = 0; i < 2; ++i) {
       const double w = plain ? 1.0 : weight[i];
       rate[i] = plain ? error[i] : w * (feed[i] + gain[i] * error[i]);
       double* row = rows + static_cast<std::ptrdiff_t>(i) * n;
       for (int j = 0; j < n; ++j) row[j] = w * (B[i] * J[3 * n + j] + B[3 + i] * J[4 * n + j] + B[6 + i] * J[5 * n + j]);
+      if (distance == 0.0) continue;
+      // b . (d x u) = (b x d) . u
+      const double b[3] = {B[i], B[3 + i], B[6 + i]}, scale = w / distance;
+      const double r[3] = {scale * (b[1] * direction[2] - b[2] * direction[1]), scale * (b[2] * direction[0] - b[0] * direction[2]),
+                           scale * (b[0] * direction[1] - b[1] * direction[0])};
+      for (int j = 0; j < n; ++j) row[j] += r[0] * J[j] + r[1] * J[n + j] + r[2] * J[2 * n + j];
+      add_turning(J, r, lever, row);
     }
   }
 
