@@ -6,7 +6,7 @@ import fnmatch
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,9 +50,12 @@ def finite_vector(value: ArrayLike, size: int, what: str, unit: str) -> FloatArr
     return vector
 
 
-def rotation(value: ArrayLike, what: str) -> FloatArray:
-    """A read-only rotation matrix (3, 3), from one or from a unit quaternion (w, x, y, z)."""
-    array = real_array(value, what)
+def rotation(value: Any, what: str) -> FloatArray:
+    """A read-only rotation matrix (3, 3), from one, from a unit quaternion (w, x, y, z), or from an object that has one.
+
+    Objects are SciPy's `Rotation`, mink's `SO3` and Pinocchio's `Quaternion`, whatever order they keep their numbers in.
+    """
+    array = real_array(_matrix_of(value), what)
     _refuse_not_finite(array, what)
     if array.shape == (4,):
         norm = float(np.linalg.norm(array))
@@ -81,11 +84,15 @@ def rotation(value: ArrayLike, what: str) -> FloatArray:
     return matrix
 
 
-def pose(value: object, what: str) -> tuple[FloatArray, FloatArray]:
-    """(R, p) from such a pair, as `robot.pose` returns it, or from a homogeneous matrix (4, 4)."""
+def pose(value: Any, what: str) -> tuple[FloatArray, FloatArray]:
+    """(R, p) from such a pair, as `robot.pose` returns it, from a homogeneous matrix (4, 4), or from an object that has one.
+
+    Objects are mink's `SE3`, Pinocchio's `SE3`, and SciPy's `RigidTransform`.
+    """
+    value = _homogeneous_of(value)
     if isinstance(value, tuple | list) and len(value) == 2:
         return rotation(value[0], f"the rotation of {what}"), finite_vector(value[1], 3, f"the position of {what}", "m")
-    matrix = real_array(value, what)  # type: ignore[arg-type]
+    matrix = real_array(value, what)
     if matrix.shape != (4, 4):
         raise SettingError(
             f"{what} has shape {matrix.shape}; give a pair (rotation, position), as robot.pose(frame) returns it, or a "
@@ -97,6 +104,21 @@ def pose(value: object, what: str) -> tuple[FloatArray, FloatArray]:
     return rotation(matrix[:3, :3], f"the rotation of {what}"), finite_vector(
         matrix[:3, 3], 3, f"the position of {what}", "m"
     )
+
+
+def _matrix_of(value: Any) -> Any:
+    """The matrix of an object of a library for rotations or poses; other values as they are."""
+    for name in ("as_matrix", "toRotationMatrix"):
+        method = getattr(value, name, None)
+        if callable(method):
+            return method()
+    return value
+
+
+def _homogeneous_of(value: Any) -> Any:
+    """A matrix (4, 4) of an object of a library for poses; other values as they are."""
+    homogeneous = getattr(value, "homogeneous", None)
+    return _matrix_of(value) if homogeneous is None else homogeneous
 
 
 def per_row(value: ArrayLike, rows: int | None, what: str, *, positive: bool) -> float | FloatArray:
@@ -193,6 +215,12 @@ def joint_indices(robot: Robot, joints: Iterable[str | int], owner: str, *, dist
     if len(set(found)) < len(found):
         raise RobotError(f"{owner}: a joint is given twice in {list(joints)!r}; give each joint once.")
     return np.array(found, dtype=np.int64)
+
+
+def driven_indices(robot: Robot) -> NDArray[np.int64]:
+    """Velocity indices of what the robot drives: all, but for a robot's own `unactuated`."""
+    unactuated = getattr(robot, "unactuated", ())
+    return np.setdiff1d(np.arange(robot.nv), np.asarray(unactuated, dtype=np.int64))
 
 
 def is_pattern(joint: object) -> bool:

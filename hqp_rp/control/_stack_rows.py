@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hqp_rp.control._checks import real_array
 from hqp_rp.control._native_rows import Layout, NativeRows
@@ -67,6 +68,7 @@ class StackRows:
         "_table",
         "_total",
         "_two_sided",
+        "_unactuated",
         "_v",
         "_values",
         "_where",
@@ -80,6 +82,7 @@ class StackRows:
         tasks = [(k, task) for k, (_, item) in enumerate(items) if (task := _native_rows(item)) is not None]
         self._own = [k for k, _ in tasks]
         self._others = [(k, kind, item) for k, (kind, item) in enumerate(items) if k not in self._own]
+        self._unactuated = getattr(robot, "unactuated", None)
         rows = self._lay_out([task for _, task in tasks])
         counts = [0] * len(self._items)
         for k, count in zip(self._own, rows, strict=True):
@@ -174,7 +177,27 @@ class StackRows:
             upper = lower
         if not sound:
             self._refuse(matrix, lower, upper)
+        if self._unactuated is not None and self._unactuated.size and not plain:
+            self._take_out(matrix, lower, upper)
         return matrix, lower, upper
+
+    def _take_out(self, matrix: FloatArray, lower: FloatArray, upper: FloatArray) -> None:
+        """Move what the robot does not drive, at its known velocity, to the right side: A_d v_d = b - A_o v_o."""
+        others = self._unactuated
+        known: FloatArray = self.robot.unactuated_velocity  # type: ignore[attr-defined]
+        theirs = matrix[:, others]
+        alone: NDArray[np.bool_] = np.any(theirs != 0.0, axis=1)
+        matrix[:, others] = 0.0
+        if known.any():
+            moved = theirs @ known
+            lower -= moved
+            if upper is not lower:
+                upper -= moved
+        alone &= ~np.any(matrix != 0.0, axis=1)
+        for (kind, _), rows in zip(self._items, self._rows_of, strict=True):
+            if kind == LIMIT and alone[rows].any():  # a limit on something else binds nobody here
+                lower[rows][alone[rows]] = -math.inf
+                upper[rows][alone[rows]] = math.inf
 
     def _pack(self) -> None:
         """Bring the numbers up to date: the rows are new, or a setter was called."""
@@ -201,7 +224,8 @@ class StackRows:
     @property
     def is_native(self) -> bool:
         """Whether `many` serves: every row is a native task's, and no coordinate needs the robot to subtract it."""
-        return not (self._differences or self._others or self._two_sided)
+        others = self._unactuated is not None and self._unactuated.size
+        return not (self._differences or self._others or self._two_sided or others)
 
     def many(self, q: FloatArray, threads: int | None) -> tuple[FloatArray, FloatArray]:
         """Matrices (N, M, nv) and bounds (N, M) of equalities at q (N, nq), in one native call; errors as `rows`."""

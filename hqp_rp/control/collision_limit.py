@@ -45,6 +45,10 @@ class CollisionLimit:
       must grow at the rate above: bounded by return_speed, and monotone. As a hard row that may contradict others, such
       as joint limits at rest with a bounded acceleration: list the limit as the first level where this can happen.
 
+    Mocap bodies are where `robot.set_mocap` or `robot.follow` last put them. What moves by itself, a mocap body with a
+    velocity or a joint that nothing drives (`robot.unactuated_velocity`), is given way to: its part of the distance's rate is
+    taken off the row's bound.
+
     The number of rows is the number of pairs at every step; a pair beyond `detection` has a row of zeros without bounds.
 
     Args:
@@ -97,8 +101,9 @@ class CollisionLimit:
 
     def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """J_d (m, nv), the least rates (m,) in m/s and infinity (m,); v is not needed."""
-        distances, jacobian = self._meet(robot).evaluate(robot.q)
-        least = self._approach.least_rate(distances - self._margin, dt)
+        measured = self._meet(robot)
+        distances, jacobian = measured.evaluate(robot.q)
+        least = self._approach.least_rate(distances - self._margin, dt) - measured.drift
         return jacobian, least, np.full(len(least), math.inf)
 
     def distances(self, robot: Robot) -> FloatArray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hqp_rp.control._checks import joint_indices
+from hqp_rp.control._checks import driven_indices, joint_indices
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
@@ -72,7 +72,7 @@ class LockedJoints:
         named = self._joints if self._joints is not None else self._all_but
         assert named is not None
         found = joint_indices(robot, named, f"limit {self._name!r}", distinct=False)
-        self._locked = found if self._joints is not None else np.setdiff1d(np.arange(robot.nv), found)
+        self._locked = found if self._joints is not None else np.setdiff1d(driven_indices(robot), found)
         self._bound = robot
 
     def __repr__(self) -> str:

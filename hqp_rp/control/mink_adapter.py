@@ -134,6 +134,9 @@ class Configurations:
             configuration = self._configuration = mink.Configuration(model)
             self._robot, self._fresh = robot, False
         if not self._fresh:
+            poses = getattr(robot, "mocap_poses", None)
+            if poses is not None and configuration.model.nmocap:
+                configuration.data.mocap_pos[:], configuration.data.mocap_quat[:] = poses
             configuration.update(robot.q)
             self._fresh = True
         return configuration

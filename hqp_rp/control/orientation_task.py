@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from numpy.typing import ArrayLike
-
 from hqp_rp.control._checks import ANGULAR_AXES, rotation
 from hqp_rp.control.frame_task import FrameTask
 from hqp_rp.core.problem import FloatArray
@@ -26,7 +24,7 @@ class OrientationTask(FrameTask[FloatArray]):
     Args:
         frame: name of the frame.
         target: R* in the world: a rotation matrix (3, 3) from target to world, or a unit quaternion (4,) in the order
-            (w, x, y, z).
+            (w, x, y, z), SciPy's `Rotation`, mink's `SO3` or Pinocchio's `Quaternion`.
         axes: any of "rx", "ry", "rz"; one row for each, rotation about that axis. None means all three.
         expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
         gain: 1/s, >= 0, one number or one for each row.
@@ -45,7 +43,7 @@ class OrientationTask(FrameTask[FloatArray]):
 
     _kind, _valid, _unit = "orientation", ANGULAR_AXES, "rad/s"
 
-    def _checked(self, target: ArrayLike) -> FloatArray:
+    def _checked(self, target: object) -> FloatArray:
         return rotation(target, f"the target of {self._name!r}")
 
     def _pose(self) -> tuple[FloatArray, None]:

@@ -19,7 +19,7 @@ class PoseTask(FrameTask[tuple[FloatArray, FloatArray]]):
     Args:
         frame: name of the frame.
         target: (R*, p*) as `robot.pose` returns it (R* may be a quaternion (w, x, y, z); p* (3,) in m), or a homogeneous
-            matrix (4, 4) from target to world.
+            matrix (4, 4) from target to world, or an `SE3` of mink or Pinocchio.
         axes: any of "x", "y", "z", "rx", "ry", "rz", in the order the rows shall have. None means all six.
         expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
         gain: 1/s, >= 0, one number or one for each row.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import is_pattern, joint_indices, real_array
+from hqp_rp.control._checks import driven_indices, is_pattern, joint_indices, real_array
 from hqp_rp.control._coordinates import plain_coordinates
 from hqp_rp.control._native_rows import Layout
 from hqp_rp.control.task import FeedbackTask
@@ -25,7 +25,8 @@ class PostureTask(FeedbackTask):
 
     Args:
         target: (nq,) q* of the whole robot, rad or m, also when only some joints are chosen.
-        joints: names, patterns of names ("left_*") or velocity indices of the joints to bring there; None means all.
+        joints: names, patterns of names ("left_*") or velocity indices of the joints to bring there; None means all
+            that the robot drives.
         gain: 1/s, >= 0: one number, or one for each chosen joint (for all joints, one for each velocity).
         feedforward: velocity of the target, rad/s or m/s, one number for each row; None means 0.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
@@ -138,7 +139,7 @@ class PostureTask(FeedbackTask):
                 f"{owner}: the target has shape {self._target.shape}, the robot has nq = {robot.nq}; give a whole "
                 "configuration, such as robot.neutral."
             )
-        indices = np.arange(robot.nv) if self._joints is None else joint_indices(robot, self._joints, owner)
+        indices = driven_indices(robot) if self._joints is None else joint_indices(robot, self._joints, owner)
         rows = len(indices)
         for what, value in (("gain", self._gain), ("weight", self._weight), ("feedforward", self._feedforward)):
             if isinstance(value, np.ndarray) and len(value) != rows:

@@ -29,7 +29,8 @@ class RelativePoseTask(FeedbackTask):
     Args:
         frame: name of b.
         reference: name of a.
-        target: (R*, p*) of b in a (R* may be a quaternion (w, x, y, z); p* (3,) in m), or a homogeneous matrix (4, 4).
+        target: (R*, p*) of b in a (R* may be a quaternion (w, x, y, z); p* (3,) in m), or a homogeneous matrix
+            (4, 4), or an `SE3` of mink or Pinocchio.
         axes: any of "x", "y", "z", "rx", "ry", "rz", along the axes of a.
         gain: 1/s, >= 0, one number or one for each row.
         feedforward: (6,) velocity of the target as seen from a, in its axes, m/s then rad/s; None means 0.

@@ -16,7 +16,7 @@ from hqp_rp.control._row_names import row_names
 from hqp_rp.control._stack_rows import LIMIT, MINK_TASK, TASK, StackRows
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.limit import Limit
-from hqp_rp.control.task import Task
+from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Item: TypeAlias = Any
 """A `Task`, a `Limit`, or a task or limit of mink."""
 
-_INFINITE = math.inf
+_LONG = 1.0  # s: what no control loop waits
 _MEANT = "a Task, a Limit, or a task or limit of mink"
 
 
@@ -37,7 +37,8 @@ class Stack:
     """Levels of tasks and limits, most important first, and hard limits, for a robot's velocity.
 
     `stack.problem(robot, dt)` is the prioritized problem at the robot's current configuration; its unknown is the velocity
-    v (nv,) that the robot shall have during the next step. Any solver takes it::
+    v (nv,) that the robot shall have during the next step, 0 where `robot.unactuated` says that it drives nothing; what moves
+    there by itself is taken into account. Any solver takes it::
 
         stack = Stack([position, [orientation, com], posture], limits=[JointLimit()])
         robot.update(q)
@@ -63,6 +64,7 @@ class Stack:
         "_configurations",
         "_counts",
         "_damping",
+        "_dt",
         "_ends",
         "_hard",
         "_items",
@@ -109,6 +111,7 @@ class Stack:
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
         self._rows: StackRows | None = None
+        self._dt: float | None = None
         # Of the levels, and of the levels below the hard rows; how many of these there are.
         self._counts: list[int] = []
         self._offsets = (np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
@@ -140,13 +143,17 @@ class Stack:
 
         Args:
             robot: at its current configuration; `robot.update(q)` sets it.
-            dt: > 0, s, for how long the answer will be held. Needed by limits and by tasks of mink only.
+            dt: > 0, s, for how long the answer will be held. Needed by limits and by tasks of mink only. When first given, it
+                is compared with the gains.
             v: (nv,) velocity before this step, rad/s or m/s. Needed by limits on accelerations only.
 
         Raises:
             SettingError: dt or v missing or out of range.
             RobotError: a frame or joint that the robot does not have.
             ProblemError: rows that do not fit together or are not finite; it names the level and the item.
+
+        Warns:
+            UserWarning: a dt of more than 1 s, or gain * dt > 1.
         """
         rows = self._rows
         if rows is None or rows.robot is not robot:
@@ -156,8 +163,8 @@ class Stack:
                 raise SettingError(
                     "this stack holds limits or mink tasks, which need the time step: problem(robot, dt)."
                 )
-        elif type(dt) is not float or not 0.0 < dt < _INFINITE:
-            dt = positive_number(dt, "dt")
+        elif type(dt) is not float or dt != self._dt:
+            dt = self._checked_dt(dt)
         if v is not None:
             v = _checked_velocity(v, robot)
         if self._configurations is not None:
@@ -244,6 +251,27 @@ class Stack:
             np.stack([getattr(problem, name) for problem in problems]) for name in ("matrix", "lower", "upper")
         )
         return A, lower, None if all(problem.is_equality for problem in problems) else upper, offsets
+
+    def _checked_dt(self, dt: object) -> float:
+        """dt as a number; a step that is long, or longer than a gain allows, is said, once for each dt."""
+        self._dt = value = positive_number(dt, "dt")
+        if value > _LONG:
+            warnings.warn(
+                f"dt is {value:g} s: the answer is meant to be held that long. A rate of {value:g} Hz is dt = {1.0 / value:g}.",
+                UserWarning,
+                stacklevel=3,
+            )
+            return value
+        for where, item in self._places():
+            gain = float(np.max(item.gain)) if isinstance(item, FeedbackTask) else 0.0
+            if gain * value > 1.0 + 1e-9:
+                warnings.warn(
+                    f"{where}: {item.name!r} has gain {gain:g} 1/s at dt {value:g} s: each step goes {gain * value:.3g} times "
+                    f"the way to the target, past it. Take a gain of at most 1/dt = {1.0 / value:g}.",
+                    UserWarning,
+                    stacklevel=3,
+                )
+        return value
 
     def _with_mink(
         self, rows: StackRows, lower: FloatArray, dt: float | None

@@ -12,6 +12,8 @@ from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.coupling import Coupling
 from hqp_rp.robot.frames import FrameTable
 
+_MANY_TURNS = 4.0 * np.pi  # rad: few joints turn more than twice either way
+_NARROW = np.pi * np.pi / 90.0  # rad: what 2 pi is when it is taken for degrees
 _NEAR = 1e-9  # rad or m: how far outside its limits a configuration may be by rounding
 
 
@@ -97,10 +99,35 @@ class ModelRobot:
         if outside.size:
             i = int(outside[0])
             names = np.repeat(np.array(self._joint_names, dtype=object), self._joint_widths)
-            more = "" if outside.size == 1 else f", as do {outside.size - 1} more"
             warnings.warn(
                 f"The neutral configuration of {self._name} has joint {names[i]!r} at {value[i]:g}, outside its limits "
-                f"[{self._lower[i]:g}, {self._upper[i]:g}]{more}; give another with neutral=.",
+                f"[{self._lower[i]:g}, {self._upper[i]:g}]{_and_more(outside)}; give another with neutral=.",
+                UserWarning,
+                stacklevel=4,
+            )
+
+    def _warn_of_ranges(self, hinges: IntArray) -> None:
+        """Ranges that look like degrees, or like radians read as degrees, are said; hinges: velocity indices."""
+        names = np.repeat(np.array(self._joint_names, dtype=object), self._joint_widths)
+        bounds = np.stack((self._lower[hinges], self._upper[hinges]), axis=1)
+        largest = np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(axis=1, initial=0.0)
+        limited = np.isfinite(bounds).all(axis=1) & (bounds[:, 0] < bounds[:, 1])
+        wide = hinges[largest > _MANY_TURNS]
+        if wide.size:
+            i = int(wide[0])
+            warnings.warn(
+                f"Joint {names[i]!r} of {self._name} has the range [{self._lower[i]:g}, {self._upper[i]:g}] rad, "
+                f"{(self._upper[i] - self._lower[i]) / (2.0 * np.pi):.1f} turns{_and_more(wide)}: are these degrees? Limits of "
+                "a URDF are in radians; an MJCF says which by <compiler angle>.",
+                UserWarning,
+                stacklevel=4,
+            )
+        elif limited.sum() >= 3 and largest[limited].max() < _NARROW:
+            i = int(hinges[limited][0])
+            warnings.warn(
+                f"Every limited hinge of {self._name} stays within {largest[limited].max():.3g} rad, joint {names[i]!r} within "
+                f"[{self._lower[i]:.3g}, {self._upper[i]:.3g}]: were radians read as degrees? An MJCF means degrees unless it "
+                'says <compiler angle="radian"/>, an MjSpec unless spec.compiler.degree is False.',
                 UserWarning,
                 stacklevel=4,
             )
@@ -122,3 +149,8 @@ class ModelRobot:
             return self._table.index[frame]  # type: ignore[index]
         except (KeyError, TypeError):
             raise self._table.error(frame, self._name) from None
+
+
+def _and_more(found: IntArray) -> str:
+    """How many others are meant beside the one that is named."""
+    return "" if found.size == 1 else f", as do {found.size - 1} more"

@@ -43,6 +43,7 @@ class MujocoDistances:
 
     Attributes:
         geoms: (m, 2) pairs of geom ids, one row for each pair of geoms. names: their names.
+        drift: (m,) m/s, how fast each distance changes by the motion of mocap bodies, at the last `evaluate`.
 
     Raises:
         RobotError: an unknown or ambiguous name (geoms and bodies are listed), a pair of geoms that cannot move against
@@ -55,6 +56,7 @@ class MujocoDistances:
                 f"distances between geoms need a robot that MuJoCo computes; this one is a {type(robot).__name__}. Load it "
                 "as hqp_rp.robot.MujocoRobot."
             )
+        self._robot = robot
         self._model = model = robot.model
         self._data = mujoco.MjData(model)
         self._detection = float(detection)
@@ -67,6 +69,7 @@ class MujocoDistances:
         self.names = tuple((geom_name(model, a), geom_name(model, b)) for a, b in self.geoms)
         self._fromto = np.empty(6)
         self._jacobians = np.empty((2, 3, int(model.nv)))
+        self.drift = np.zeros(len(self.geoms))
 
     def __len__(self) -> int:
         return len(self.geoms)
@@ -83,6 +86,7 @@ class MujocoDistances:
         mujoco.mj_comPos(model, data)
         distances, jacobian = np.empty(len(self.geoms)), np.zeros((len(self.geoms), int(model.nv)))
         first, second = self._jacobians
+        self.drift[:] = 0.0
         for i, (a, b) in enumerate(self.geoms):
             distances[i] = distance = self._measure(a, b)
             if distance == np.inf:
@@ -92,10 +96,19 @@ class MujocoDistances:
             mujoco.mj_jac(model, data, first, None, points[:3], model.geom_bodyid[a])
             mujoco.mj_jac(model, data, second, None, points[3:], model.geom_bodyid[b])
             np.matmul(normal, second - first, out=jacobian[i])
+            if model.nmocap:
+                self.drift[i] = normal @ (self._velocity(b, points[3:]) - self._velocity(a, points[:3]))
         return distances, jacobian
+
+    def _velocity(self, geom: int, point: FloatArray) -> FloatArray:
+        """(3,) m/s of the point of a geom by the motion of its mocap body."""
+        twist = self._robot.mocap_twist(geom)
+        return np.zeros(3) if twist is None else twist[:3] + np.cross(twist[3:], point)
 
     def _place(self, q: FloatArray) -> None:
         self._data.qpos[:] = q
+        if self._model.nmocap:
+            self._data.mocap_pos[:], self._data.mocap_quat[:] = self._robot.mocap_poses
         mujoco.mj_kinematics(self._model, self._data)
 
     def _measure(self, a: int, b: int) -> float:

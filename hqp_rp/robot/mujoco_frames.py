@@ -19,7 +19,9 @@ _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
-def kinematics_of(model: Any, data: Any, frames: Sequence[int | None], mass: float) -> _native.Kinematics:
+def kinematics_of(
+    model: Any, data: Any, frames: Sequence[int | None], mass: float, trees: set[int]
+) -> _native.Kinematics:
     """What reads poses and Jacobians of some frames where MuJoCo keeps what they are made from.
 
     MuJoCo's arrays stay where they are while the state lives, and are kept alive. Only numbers are read from them: a model
@@ -27,7 +29,7 @@ def kinematics_of(model: Any, data: Any, frames: Sequence[int | None], mass: flo
 
     Args:
         model, data: the model and a state of it. frames: numbers of bodies, of sites after the bodies, or None for the centre
-            of mass. mass: of the moving bodies, kg.
+            of mass. mass: of the moving bodies, kg. trees: numbers of the kinematic trees that count for it.
     """
     table: list[tuple[int, int]] = []
     chains: list[list[int]] = []
@@ -42,7 +44,7 @@ def kinematics_of(model: Any, data: Any, frames: Sequence[int | None], mass: flo
             site = number - int(model.nbody)
             table.append((1, site))
             chains.append(_chain(model, int(model.site_bodyid[site])))
-    moving = [body for body in range(model.nbody - 1, 0, -1) if model.body_treeid[body] >= 0]
+    moving = [body for body in range(model.nbody - 1, 0, -1) if int(model.body_treeid[body]) in trees]
     bodies = [(body, int(model.body_parentid[body])) for body in moving]
     names = ("xmat", "xpos", "site_xmat", "site_xpos", "xanchor", "xaxis", "xipos")
     state = {name: getattr(data, name) for name in names} | {"body_mass": model.body_mass, "kept": (model, data)}

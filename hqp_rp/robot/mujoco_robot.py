@@ -26,10 +26,10 @@ from hqp_rp.robot.frames import (
     require_velocity,
 )
 from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, urdf_velocity_limits
-from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_arm import arm_spec
 from hqp_rp.robot.mujoco_frames import MujocoFrames, kinematics_of
 from hqp_rp.robot.mujoco_model import geometry, keyframe, model_name, position_limits, quaternions, scalar_coordinates
+from hqp_rp.robot.mujoco_surroundings import MujocoSurroundings
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
 _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
@@ -37,7 +37,7 @@ _FLOAT64 = np.dtype(np.float64)
 _isfinite, _kinematics = math.isfinite, mujoco.mj_kinematics
 
 
-class MujocoRobot(ModelRobot):
+class MujocoRobot(MujocoSurroundings):
     """A `Robot` computed by MuJoCo.
 
     Frames are the named bodies and sites; a name borne by both is asked for as "body:NAME" or "site:NAME". The world
@@ -50,18 +50,24 @@ class MujocoRobot(ModelRobot):
     compute on a private state whose velocity is always zero.
 
     Every array returned is fresh, except `lower`, `upper`, `velocity_limit`, `neutral` and `q`, which are read-only.
-    The centre of mass is that of the bodies that can move; what is fixed to the world does not count.
+    The centre of mass is that of the bodies that the robot moves; what is fixed to the world, or not actuated, does not count.
+
+    A model may hold more than the robot. Mocap bodies are where `set_mocap` or `follow` puts them. A kinematic tree without
+    an actuator in a model that has some (a box on the table, a door) is not the robot's to move: `unactuated` lists its
+    velocities, a stack gives them none, and `unactuated_velocity` says how fast they move by themselves.
 
     Args:
         model: a compiled model.
         velocity_limit: what MJCF cannot say: one number, (nv,) numbers or a mapping by joint name; default infinite.
         neutral: (nq,) the reference configuration, or the name of a keyframe; default `model.qpos0`.
+        unactuated: names of joints whose trees the robot does not drive, empty for none; by default as said above.
 
     Raises:
-        RobotError: a limit or a configuration that does not fit the model, or a keyframe that it does not have.
+        RobotError: a limit or a configuration that does not fit the model, a keyframe or joint that it does not have.
 
     Warns:
-        UserWarning: a neutral configuration outside the joint limits.
+        UserWarning: a neutral configuration outside the joint limits; ranges that look like degrees taken for radians, or
+            the other way round.
     """
 
     def __init__(
@@ -70,6 +76,7 @@ class MujocoRobot(ModelRobot):
         *,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
         neutral: ArrayLike | str | None = None,
+        unactuated: Sequence[str] | None = None,
     ) -> None:
         if not isinstance(model, mujoco.MjModel):
             raise RobotError(f"model is a {type(model).__name__}; give a mujoco.MjModel, or use MujocoRobot.from_file.")
@@ -97,8 +104,10 @@ class MujocoRobot(ModelRobot):
         self._qpos = data.qpos
         self._body_pose = (data.xmat.reshape(-1, 3, 3), data.xpos)
         self._site_pose = (data.site_xmat.reshape(-1, 3, 3), data.site_xpos)
-        fixed = np.flatnonzero(model.body_treeid < 0)
-        self._moving_mass = float(model.body_subtreemass[0] - model.body_mass[fixed].sum())
+        self._begin_with(unactuated)
+        self._own_trees = set(model.dof_treeid.tolist()) - set(model.dof_treeid[self._unactuated].tolist())
+        own = np.isin(model.body_treeid, list(self._own_trees))
+        self._moving_mass = float(model.body_mass[own].sum())
         self._kinematics: dict[int | None, _native.Kinematics] = {}
         self._pose_room = (np.empty((1, 3, 3)), np.empty((1, 3)))
         neutral = keyframe(model, neutral) if isinstance(neutral, str) else model.qpos0 if neutral is None else neutral
@@ -108,6 +117,7 @@ class MujocoRobot(ModelRobot):
         self._arm: tuple[DHArm, FloatArray] | None = None
         self.update(self._neutral)
         self._warn_of_neutral(self._neutral, scalar_coordinates(model))
+        self._warn_of_ranges(np.array(model.jnt_dofadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE], dtype=np.int64))
 
     @classmethod
     def from_arm(cls, arm: DHArm, *, timestep: float = 0.001, gravity_compensation: bool = True) -> MujocoRobot:
@@ -323,7 +333,14 @@ class MujocoRobot(ModelRobot):
         return self._arm[0]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self._model, self._velocity_limit, self._neutral, self.q, self._unchanged_arm())
+        others = {
+            "mocap_pos": self._data.mocap_pos.copy(),
+            "mocap_quat": self._data.mocap_quat.copy(),
+            "_mocap_velocity": self._mocap_velocity,
+            "_unactuated": self._unactuated,
+            "_unactuated_velocity": self._unactuated_velocity,
+        }
+        return _rebuild, (self._model, self._velocity_limit, self._neutral, self.q, self._unchanged_arm(), others)
 
     def __repr__(self) -> str:
         return f"MujocoRobot({model_name(self._model)!r}, nq={self.nq}, nv={self.nv}, {len(self.frame_names)} frames)"
@@ -355,7 +372,7 @@ class MujocoRobot(ModelRobot):
         if Point.CENTER_OF_MASS in names:
             self._require_mass()
         numbers = [None if isinstance(name, Point) else self._frame(name) for name in names]
-        kinematics = kinematics_of(self._model, self._data, numbers, self._moving_mass)
+        kinematics = kinematics_of(self._model, self._data, numbers, self._moving_mass, self._own_trees)
         if len(numbers) == 1:
             self._kinematics[numbers[0]] = kinematics
         return kinematics
@@ -373,11 +390,24 @@ class MujocoRobot(ModelRobot):
 
 
 def _rebuild(
-    model: mujoco.MjModel, limit: FloatArray, neutral: FloatArray, q: FloatArray, arm: DHArm | None
+    model: mujoco.MjModel,
+    limit: FloatArray,
+    neutral: FloatArray,
+    q: FloatArray,
+    arm: DHArm | None,
+    others: dict[str, Any],
 ) -> MujocoRobot:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # said when it was first loaded
-        robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral)
+        trees = {int(model.dof_treeid[i]) for i in others["_unactuated"]}
+        joints = range(model.njnt)
+        named = [model.joint(j).name or f"unnamed_joint_{j}" for j in joints]
+        names = [named[j] for j in joints if int(model.dof_treeid[model.jnt_dofadr[j]]) in trees]
+        robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral, unactuated=names)
+    for name in ("mocap_pos", "mocap_quat"):
+        getattr(robot._data, name)[:] = others[name]
+    for name in ("_mocap_velocity", "_unactuated_velocity"):
+        setattr(robot, name, others[name])
     robot._arm = None if arm is None else (arm, geometry(model))
     robot.update(q)
     return robot

@@ -62,7 +62,8 @@ class PinocchioRobot(ModelRobot):
         RobotError: a limit or a configuration that does not fit the model.
 
     Warns:
-        UserWarning: a neutral configuration outside the joint limits.
+        UserWarning: a neutral configuration outside the joint limits; ranges that look like degrees taken for radians, or
+            the other way round.
 
     A `pinocchio.Model` does not say whether limits [0, 0] were stated: they are taken for none. `from_file` knows.
     """
@@ -113,6 +114,10 @@ class PinocchioRobot(ModelRobot):
         self._neutral = frozen(np.array(neutral, dtype=np.float64))
         self.update(self._neutral)
         self._warn_of_neutral(self._neutral, _scalar_coordinates(self._model))
+        revolute = [
+            j for j in range(1, self._model.njoints) if self._model.joints[j].shortname().startswith("JointModelR")
+        ]
+        self._warn_of_ranges(np.array([self._model.idx_vs[j] for j in revolute], dtype=np.int64))
 
     @classmethod
     def from_arm(cls, arm: DHArm) -> PinocchioRobot:

@@ -1,12 +1,13 @@
 """mink's tasks and limits in our levels, against mink's own problem and solution."""
 
 import mink
+import mujoco
 import numpy as np
 import pytest
 from mink.solve_ik import build_ik
 
 import hqp_rp
-from hqp_rp.control import JointLimit, PositionTask, Stack
+from hqp_rp.control import JointLimit, PositionTask, PostureTask, Stack
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.robot import MujocoRobot, planar_arm, sawyer
 from tests.control.chain import random_chain
@@ -195,3 +196,20 @@ def test_levenberg_marquardt_damping_is_minks_own(setting):
     assert problem.damping == (hqp_rp.ConstantDamping(0.2),)
     with pytest.raises(SettingError, match="has damped levels, which a batch cannot hold"):
         stack.batch(robot, robot.neutral[None], DT)
+
+
+def test_a_limit_of_mink_sees_mocap_bodies_where_they_are():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody>
+        <body name="arm"><joint name="j" type="slide" axis="1 0 0"/><geom name="hand" size=".05"/></body>
+        <body name="post" mocap="true" pos="1 0 0"><geom name="post" size=".05"/></body></worldbody></mujoco>"""
+    )
+    robot = MujocoRobot(model)
+    limit = mink.CollisionAvoidanceLimit(
+        model, [(["hand"], ["post"])], minimum_distance_from_collisions=0.0, collision_detection_distance=10.0
+    )
+    stack = Stack([PostureTask([0.0])], [limit])
+    far = stack.problem(robot, 0.01).hard.upper.max()
+    robot.set_mocap("post", [0.2, 0.0, 0.0])
+    near = stack.problem(robot, 0.01).hard.upper.max()
+    assert near == pytest.approx(far / 9.0, rel=1e-6)

@@ -242,3 +242,16 @@ def test_rows_that_do_not_fit(robot, item, message, hard):
     where = "limits" if hard else "level 2"
     with pytest.raises(ProblemError, match=f"{where}: 'rows of mine'.*{message}"):
         stack.problem(robot, 0.1)
+
+
+def test_a_step_that_cannot_be_meant_is_said_once():
+    robot = random_chain(np.random.default_rng(1))
+    stack = Stack([PositionTask("tool", np.zeros(3), gain=20.0), PostureTask(robot.q)], [JointLimit()])
+    with pytest.warns(UserWarning, match=r"dt is 500 s: .* A rate of 500 Hz is dt = 0.002"):
+        stack.problem(robot, 500)
+    with pytest.warns(
+        UserWarning, match=r"level 1: 'tool position' has gain 20 1/s at dt 0.1 s: each step goes 2 times the way"
+    ):
+        stack.problem(robot, 0.1)
+    stack.problem(robot, 0.1)
+    stack.problem(robot, 0.05)

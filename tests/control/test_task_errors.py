@@ -93,6 +93,28 @@ def test_every_way_to_give_a_pose():
     np.testing.assert_allclose(OrientationTask("tool", -np.array(quaternion)).error(robot), 0.0, atol=1e-14)
 
 
+def test_targets_of_other_libraries_are_taken_as_they_are():
+    import mink
+    import pinocchio as pin
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(2)
+    R, p = random_rotation(rng), rng.normal(size=3)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, p
+    for rotation in (Rotation.from_matrix(R), mink.SO3.from_matrix(R), pin.Quaternion(R)):
+        np.testing.assert_allclose(OrientationTask("tool", rotation).target, R, atol=1e-14)
+        np.testing.assert_allclose(PoseTask("tool", (rotation, p)).target[0], R, atol=1e-14)
+    for pose in (mink.SE3.from_matrix(T), pin.SE3(R, p)):
+        task = RelativePoseTask("tool", "link1", pose)
+        np.testing.assert_allclose(task.target[0], R, atol=1e-14)
+        np.testing.assert_allclose(task.target[1], p, atol=1e-15)
+    with pytest.raises(SettingError, match=r"the target of 'tool orientation' has shape \(2, 3, 3\)"):
+        OrientationTask("tool", Rotation.from_matrix([R, R]))
+    with pytest.raises(SettingError, match=r"the target of 'tool pose' has shape \(3, 3\); give a pair"):
+        PoseTask("tool", Rotation.from_matrix(R))
+
+
 def test_rotation_in_single_precision_is_made_orthonormal():
     R = random_rotation(np.random.default_rng(2))
     task = OrientationTask("tool", R.astype(np.float32))

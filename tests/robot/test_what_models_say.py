@@ -6,6 +6,7 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -23,6 +24,7 @@ from hqp_rp.control import (
 )
 from hqp_rp.control.stack_file import parse_stack
 from hqp_rp.robot import Coupling, MujocoRobot, PinocchioRobot, load_robot
+from tests.robot.models import URDF
 
 LIBRARIES = pytest.mark.parametrize("library", ["mujoco", "pinocchio"])
 LINK = (
@@ -388,3 +390,38 @@ def _nothing() -> Any:
     import contextlib
 
     return contextlib.nullcontext()
+
+
+def hinges(ranges: str, count: int = 3, angle: str = "") -> mujoco.MjModel:
+    body = "".join(
+        f'<body pos="0 0 .1"><joint name="j{i}" axis="0 1 0" {ranges}/><geom size=".02"/>' for i in range(count)
+    )
+    return mujoco.MjModel.from_xml_string(f"<mujoco>{angle}<worldbody>{body}{'</body>' * count}</worldbody></mujoco>")
+
+
+def test_ranges_in_the_wrong_unit_are_said() -> None:
+    radian = '<compiler angle="radian"/>'
+    for made in (lambda model: MujocoRobot(model), PinocchioRobot.from_mujoco):
+        with pytest.warns(
+            UserWarning,
+            match=r"'j0' of .* has the range \[-170, 170\] rad, 54.1 turns, as do 2 more: are these degrees",
+        ):
+            made(hinges('range="-170 170"', angle=radian))
+        with pytest.warns(
+            UserWarning, match=r"Every limited hinge of .* stays within 0.0506 rad, .*radians read as degrees"
+        ):
+            made(hinges('range="-2.9 2.9"'))
+        made(hinges('range="-170 170"'))
+        made(hinges('range="-12 12"', angle=radian))
+        made(hinges('range="-2.9 2.9"', count=2))  # two fingers may move that little
+        made(hinges(""))
+
+
+def test_a_urdf_in_degrees_is_said(tmp_path) -> None:
+    path = tmp_path / "degrees.urdf"
+    path.write_text(URDF.replace('lower="-1" upper="2"', 'lower="-90" upper="120"'))
+    for library in ("mujoco", "pinocchio"):
+        with pytest.warns(
+            UserWarning, match=r"Joint 'shoulder' of .* has the range \[-90, 120\] rad, 33.4 turns: are these"
+        ):
+            load_robot(path, library)
