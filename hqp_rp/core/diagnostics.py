@@ -24,16 +24,22 @@ class Singularity(enum.Enum):
     """Why a level loses rank. The value is the sentence that reports print."""
 
     NONE = "The level keeps full rank beside the levels before it."
+    PARTLY_USED_UP = (
+        "The levels before it leave less freedom than the level has rows; it gets all that is left (no singularity)."
+    )
     KINEMATIC = "The level's own rows are dependent (kinematic singularity)."
     ALGORITHMIC = "The level's rows depend on rows of the levels before it (algorithmic singularity)."
     BOTH = "The level's own rows are dependent, and they depend on rows of the levels before it."
 
     @classmethod
-    def of(cls, rank: int, own_rank: int, full: int) -> Singularity:
-        """The kind: `rank` beside the earlier levels, `own_rank` alone, `full` = min(m, n)."""
+    def of(cls, rank: int, own_rank: int, full: int, free: int) -> Singularity:
+        """The kind: `rank` beside the earlier levels, which leave `free` dimensions, `own_rank` alone, `full` = min(m, n)."""
+        loses = rank < min(own_rank, free)
         if own_rank < full:
-            return cls.BOTH if rank < own_rank else cls.KINEMATIC
-        return cls.ALGORITHMIC if rank < own_rank else cls.NONE
+            return cls.BOTH if loses else cls.KINEMATIC
+        if loses:
+            return cls.ALGORITHMIC
+        return cls.PARTLY_USED_UP if rank < own_rank else cls.NONE
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -44,8 +50,10 @@ class Spectrum:
         rank: rank of A_k Z by the rank rule: singular values > rank_tolerance * ||A_k||_2 are counted.
         own_rank: rank of A_k by the same rule.
         sigma_min: the min(m, d)-th singular value of A_k Z, in the unit of A_k; 0 when d = 0, inf when m = 0.
-        singularity: `KINEMATIC` when own_rank < min(m, n); `ALGORITHMIC` when rank < own_rank, which is equation (12),
-            rank J_1 + rank J_2 > rank [J_1; J_2]; `BOTH` when both hold.
+        singularity: `KINEMATIC` when own_rank < min(m, n); `ALGORITHMIC` when rank < min(own_rank, d), which is equation (12),
+            rank J_1 + rank J_2 > rank [J_1; J_2], where both would fit into the n dimensions; `BOTH` when both hold.
+            `PARTLY_USED_UP` where the rows do not fit by their number alone, own_rank > d, and use up all d: a posture below
+            other levels.
     """
 
     rank: int
@@ -156,11 +164,11 @@ def _spectra(
         own = sigma if Z is None else np.linalg.svd(scaled, compute_uv=False)
         cut = rank_tolerance * (float(own[0]) if rows is A else two_norm(np.ldexp(A, -exponent)))
         own_rank = int((own > cut).sum())
-        rank = min(int((sigma > cut).sum()), own_rank)
+        rank, free = min(int((sigma > cut).sum()), own_rank), n if Z is None else Z.shape[1]
         sigma_min = float(sigma[-1]) if len(sigma) else 0.0
         Z = Vt[rank:].T if Z is None else Z @ Vt[rank:].T
         found.append(
-            Spectrum(rank, own_rank, times_power(sigma_min, exponent), Singularity.of(rank, own_rank, min(m, n)))
+            Spectrum(rank, own_rank, times_power(sigma_min, exponent), Singularity.of(rank, own_rank, min(m, n), free))
         )
     return found
 

@@ -76,8 +76,22 @@ def test_kinds_of_singularity(seed: int) -> None:
     assert twice[1].singularity is Singularity.BOTH
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_posture_below_others_is_partly_used_up(seed: int) -> None:
+    """Seven rows beside three: the four dimensions left are all used. That is counting, no singularity."""
+    rng = np.random.default_rng(seed)
+    A, x = rng.normal(size=(3, 7)), np.zeros(7)
+    posture = diagnose(stack([A, np.eye(7)], [np.ones(3), np.ones(7)]), x)[1]
+    assert (posture.rank, posture.own_rank, posture.singularity) == (4, 7, Singularity.PARTLY_USED_UP)
+    # Five rows of which one depends on level 1: four would still fit, three are had.
+    lower = np.vstack([rng.normal(size=(4, 7)), A[:1]])
+    lost = diagnose(stack([A, lower[1:], np.eye(7)], [np.ones(3), np.ones(4), np.ones(7)]), x)
+    assert (lost[1].rank, lost[1].singularity) == (3, Singularity.ALGORITHMIC)
+    assert (lost[2].rank, lost[2].singularity) == (1, Singularity.PARTLY_USED_UP)
+
+
 def test_equation_12() -> None:
-    """ALGORITHMIC just when rank J1 + rank J2 > rank [J1; J2]."""
+    """ALGORITHMIC just when rank J1 + rank J2 > rank [J1; J2], where both would fit into n."""
     for _, problem in equality_cases(2):
         if problem.p != 2:
             continue
@@ -85,7 +99,7 @@ def test_equation_12() -> None:
         r1, r2, both = (np.linalg.matrix_rank(A, tol=1e-10) for A in (A1, A2, np.vstack([A1, A2])))
         report = diagnose(problem, np.zeros(problem.n))[1]
         algorithmic = report.singularity in (Singularity.ALGORITHMIC, Singularity.BOTH)
-        assert algorithmic == (r1 + r2 > both)
+        assert algorithmic == (min(r1 + r2, problem.n) > both)
 
 
 def test_rank_rule_refers_to_the_level_itself() -> None:
@@ -106,7 +120,7 @@ def test_empty_level_and_exhausted_freedom() -> None:
     assert (empty.rank, empty.own_rank, empty.sigma_min, empty.residual) == (0, 0, math.inf, 0.0)
     assert empty.singularity is Singularity.NONE
     assert (full.rank, full.sigma_min) == (3, 1.0)
-    assert (late.rank, late.own_rank, late.sigma_min, late.singularity) == (0, 2, 0.0, Singularity.ALGORITHMIC)
+    assert (late.rank, late.own_rank, late.sigma_min, late.singularity) == (0, 2, 0.0, Singularity.PARTLY_USED_UP)
 
 
 def test_zero_matrix_is_a_kinematic_singularity() -> None:
