@@ -1,13 +1,14 @@
 """The hierarchical active set against exact truth and the certificate, on equalities, two-sided levels and hard rows."""
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, solve, truth
+from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, load_problem, solve, truth
 from hqp_rp.compare.bench_families import family
 from tests import reference
 from tests.problems import EQUALITY_CASES, boxed, independent, near_singular, over_constrained, scaled, two_sided
@@ -278,3 +279,12 @@ def test_a_warm_start_decides_no_contradiction() -> None:
     assert warm.message == cold.message
     assert warm.iterations == cold.iterations  # that it started again
     assert solver.solve(feasible).status is Status.SOLVED
+
+
+def test_a_row_that_comes_back_at_once_stays() -> None:
+    """A humanoid whose damped level hardly weighs: the multiplier of a joint limit is rounding error of the wrong sign."""
+    problem = load_problem(Path(__file__).parent.parent / "cases" / "damped_cycle.npz")
+    solution = solve(problem, NAME)
+    assert solution.status is Status.SOLVED
+    assert solution.iterations < 100
+    assert certify(problem, solution.x).ok

@@ -74,6 +74,7 @@ class ActiveSetSearch {
     held_ = workspace.counts(size);
     counted_ = workspace.counts(size);
     list_ = workspace.counts(size);
+    stays_ = workspace.counts(M + 1);
     origin_ = workspace.numbers(size);
     target_ = workspace.numbers(size + n_);
     multiplier_ = workspace.numbers(size);
@@ -495,7 +496,7 @@ class ActiveSetSearch {
     int worst = -1;
     double largest = 0.0;
     const auto consider = [&](int row, double wrong) {
-      if (wrong > 0.0 && (worst < 0 || (bland ? row < worst : wrong > largest))) largest = wrong, worst = row;
+      if (wrong > 0.0 && !stays_[row] && (worst < 0 || (bland ? row < worst : wrong > largest))) largest = wrong, worst = row;
     };
     for (int i = 0; i < nB; ++i) consider(counted_[i], wrong_of_level(counted_[i], size));
     if (residual > 0.0)
@@ -586,8 +587,9 @@ class ActiveSetSearch {
     const int end = r1;
     const int most = n_ - c0;
     int blocks = block_pivots;
-    int idle = 0;
+    int idle = 0, last_left = -1;
     bool guess = true;
+    for (int i = 0; i < end; ++i) stays_[i] = 0;
     for (int i = r0; i < r1; ++i) guess = guess && rows_.equality(i);
     for (;;) {
       const bool bland = idle > n_;
@@ -652,6 +654,11 @@ class ActiveSetSearch {
       }
       size = length(point_) + m.sought;
       idle = block.length * span <= tolerance::idle * size ? idle + 1 : 0;
+      if (idle == 0)
+        for (int i = 0; i < end; ++i) stays_[i] = 0;
+      else if (block.row >= 0 && block.row == last_left)
+        stays_[block.row] = 1;  // with a multiplier of that sign it would have moved into its bounds
+      last_left = -1;
       if (block.row >= 0) {
         rows_.activate(block.row, block.side);
         if (rows_.state[block.row] == Rows::kept) held_[nW++] = block.row;
@@ -661,6 +668,7 @@ class ActiveSetSearch {
       const int worst = row_to_leave(nW, nB, residual, size, idle > n_);
       if (worst < 0) return {Outcome::solved, nW, nW, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
       leave(worst);
+      last_left = worst;
       nW = rows_.compress(held_, nW);
     }
   }
@@ -801,6 +809,7 @@ class ActiveSetSearch {
   Turn* turns_;       // what singular values turned after them
   int *first_, *column_;
   int *held_, *counted_, *list_;
+  int* stays_;        // rows that came back at once when they left: their multiplier is rounding error until x moves
   double* origin_;    // which listed row stands where after the factorization's swaps
   double* target_;
   double* multiplier_;
