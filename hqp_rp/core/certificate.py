@@ -27,7 +27,7 @@ from hqp_rp.core.nearest_point import nearest_point
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, NEAR_ZERO, NEARLY_FREE, SHORT_NORMAL, STEP_COST
+from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, NEAR_ZERO, NEARLY_FREE, REACHED, SHORT_NORMAL, STEP_COST
 
 TOLERANCE = CERTIFIED
 """Default of `certify`: what a relative excess may be; also how near to its bound a row counts as active."""
@@ -242,7 +242,8 @@ class _Judge:
     def _damped(self, level: Level, damped: Level) -> LevelCertificate:
         """The damped level where it was solved; the level itself then binds at x."""
         rows = _Rows(level, self)
-        fixed = rows.equality | rows.violated
+        # However little damping leaves a row violated, later levels keep it there.
+        fixed = rows.equality | (np.abs(rows.violation) > REACHED * rows.reach + rows.noise)
         x = self._solved_at(level, damped, fixed)
         rounding = 8 * _EPS * self.size if norm(x) <= NEAR_ZERO * self.size else 0.0
         there = _Judge(x, self.active_tolerance, self.rank_tolerance, max(self.rounding, rounding))

@@ -90,12 +90,16 @@ def solve_damped(problem: Problem, secondary: FloatArray | None, solve: Solve) -
     return solution
 
 
-def as_reached(problem: Problem, solve: Solve) -> Problem:
+def as_reached(problem: Problem, solve: Solve, *, band: float = 0.0) -> Problem:
     """A problem without damping whose optimum is that of `problem`: levels up to the last damped one ask for what they reach.
 
     Where `solve` gives no x on the way, the levels from there on are as they were stated.
+
+    Args:
+        band: how far from it they may be, as a part of ||x||: beside hard rows, the rounding of what was reached is a
+            contradiction in exact arithmetic, and would decide over everything below.
     """
-    reached = _Reached(problem)
+    reached = _Reached(problem, band)
     for _ in reached.steps(solve):
         pass
     return reached.problem()
@@ -150,8 +154,9 @@ class _Reached:
     was damped, no rounding error is divided by it later. Rows that it met stay as they were.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, band: float = 0.0) -> None:
         self.damped = problem
+        self.band = band
         self.Z = np.eye(problem.n)
         matrix, lower, upper, offsets = problem.stacked
         self.rows = [
@@ -221,11 +226,11 @@ class _Reached:
             rank, self.Z = remaining(A[fixed], free, RANK)
             inside = free.T @ self.Z  # (d, d - rank), orthonormal
             basis = (free @ np.linalg.qr(inside, mode="complete")[0][:, inside.shape[1] :]).T if rank else basis
-        at = basis @ x
+        at, band = basis @ x, self.band * norm(x)
         self.rows[k] = _Rows(
             np.concatenate((basis, A[~fixed])),
-            np.concatenate((at, lower[~fixed])),
-            np.concatenate((at, upper[~fixed])),
+            np.concatenate((at - band, lower[~fixed])),
+            np.concatenate((at + band, upper[~fixed])),
             np.concatenate((np.full(len(basis), -1), stated[~fixed])),
         )
 

@@ -56,6 +56,9 @@ NEAR_ZERO = 1e-12
 REACHED = 1e-12
 """A row of a damped level that misses its bound by more than this part of ||a_i|| ||x|| + |bound_i| keeps the value it has."""
 
+ROUNDED = 2.0**-48
+"""What rounding may leave of a coordinate of a point that was reached, as a part of ||x||."""
+
 TRUNCATED = 1e3
 """Truncation at a level: how strongly a direction at or below the threshold is damped, as a multiple of ||A_k||."""
 

@@ -13,6 +13,7 @@ from hqp_rp.core.level_damping import as_reached
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE
+from hqp_rp.core.tolerances import ROUNDED
 from hqp_rp.core.truth_exact import AffineSet, Unit, exact_norm, stacked_ranks
 from hqp_rp.core.truth_rule import BORDERLINE, solve_by_rule
 
@@ -124,7 +125,9 @@ def _damped(
         found = truth(step, secondary, tolerance)  # what rounding makes of damping rows is no rank
         return Solution(step, found.x, Status.INFEASIBLE if found.x is None else Status.SOLVED)
 
-    found = truths(as_reached(problem, exact), goal, tolerance, start=guess)
+    beside = not problem.is_equality or (problem.hard is not None and problem.hard.m > 0)
+    reached = as_reached(problem, exact, band=ROUNDED if beside else 0.0)
+    found = truths(reached, goal, tolerance, start=guess)
     return _as_stated(problem, found[0]), None if found[1] is None else _as_stated(problem, found[1])
 
 

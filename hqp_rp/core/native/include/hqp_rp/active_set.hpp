@@ -488,11 +488,20 @@ class ActiveSetSearch {
     else
       rows_.release(row);
   }
-  double floor_of(double residual, double size) const {
-    return tolerance::multiplier_rounding * std::max(residual, tolerance::eps * size);
+  // What of a multiplier is rounding error. Damping rows weigh against residuals of the level's own rows that they alone leave, and
+  // those are known to the rounding of the rows' values.
+  double floor_of(int k, double residual, double size) const {
+    const double floor = tolerance::multiplier_rounding * std::max(residual, tolerance::eps * size);
+    return tentative(k) ? std::max(floor, tolerance::row_rounding * size) : floor;
   }
+  // How many times rounding has to be exceeded after so many steps of length zero.
+  double doubt_after(int idle) const {
+    return idle > n_ ? std::min(std::pow(tolerance::idle_doubt, idle / n_), tolerance::largest_doubt) : 1.0;
+  }
+  bool tentative(int k) const { return k < p_ && tentative_[k] != 0; }
   // The row whose multiplier is most wrong, by Bland's rule the first such row; -1 at the optimum.
-  int row_to_leave(int nW, int nB, double residual, double size, bool bland) const {
+  // `doubt` times as wrong as rounding explains it has to be.
+  int row_to_leave(int k, int nW, int nB, double residual, double size, bool bland, double doubt) const {
     int worst = -1;
     double largest = 0.0;
     const auto consider = [&](int row, double wrong) {
@@ -500,7 +509,7 @@ class ActiveSetSearch {
     };
     for (int i = 0; i < nB; ++i) consider(counted_[i], wrong_of_level(counted_[i], size));
     if (residual > 0.0)
-      for (int i = 0; i < nW; ++i) consider(held_[i], wrong_of_held(i, floor_of(residual, size)));
+      for (int i = 0; i < nW; ++i) consider(held_[i], wrong_of_held(i, doubt * floor_of(k, residual, size)));
     return worst;
   }
   struct Crossed {
@@ -626,7 +635,7 @@ class ActiveSetSearch {
           }
         if (residual > 0.0)
           for (int i = 0; i < before; ++i)
-            if (wrong_of_held(i, floor_of(residual, size)) > 0.0) {
+            if (wrong_of_held(i, floor_of(k, residual, size)) > 0.0) {
               rows_.release(held_[i]);
               ++left;
             }
@@ -647,7 +656,8 @@ class ActiveSetSearch {
       }
       typename Rows::Block block{1.0, -1, 0};
       if (moves) {
-        block = rows_.first_to_block(end, r0, span, bland ? tolerance::bland_slack * size : 0.0, depends_);
+        const double slack = bland ? tolerance::bland_slack * std::min(doubt_after(idle), tolerance::largest_slack) * size : 0.0;
+        block = rows_.first_to_block(end, r0, span, slack, depends_);
         rows_.set_length(end, r0, block.length);
         add_multiple(point_, move_, block.length, 0, width_);
         if (!finite(point_, n_)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
@@ -665,7 +675,9 @@ class ActiveSetSearch {
         continue;
       }
       const double residual = multipliers(top, nW, nB, c0, last, size);
-      const int worst = row_to_leave(nW, nB, residual, size, idle > n_);
+      const double doubt = doubt_after(idle);
+      const int worst = row_to_leave(k, nW, nB, residual, size, idle > n_, doubt);
+      if (worst < 0 && doubt > 1.0) smallest = 0.0;  // to be verified
       if (worst < 0) return {Outcome::solved, nW, nW, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
       leave(worst);
       last_left = worst;

@@ -35,6 +35,12 @@ constexpr double step_rounding = 4.0 * eps;
 // A multiplier of the wrong sign below this part of the level's residual is rounding error.
 constexpr double multiplier_rounding = 1e-13;
 
+// As often as the search has made as many steps of length zero as there are unknowns, a multiplier has to be this much more wrong to
+// count, and at most so much: what goes round in circles is rounding error.
+constexpr double idle_doubt = 10.0;
+constexpr double largest_doubt = 1e6;
+constexpr double largest_slack = 1e3;  // of bland_slack
+
 // A kept row of length one is held beside rows that are all met when this much of it is left in the freedom behind them.
 constexpr double apart = 1e-3;
 

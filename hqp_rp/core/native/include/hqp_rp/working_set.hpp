@@ -176,7 +176,8 @@ struct WorkingRows {
   };
   // How far the step that was tried goes; span = ||step||. A row that changes by less than `depends` times its norm depends on the
   // working set, as its factorization sees it, and cannot block. Of rows nearer to their bounds than `slack` times their size the
-  // first stops it at once, whatever rounding says of their order: with slack > 0 as Bland's rule needs it.
+  // first stops it at once, whatever rounding says of their order: with slack > 0 as Bland's rule needs it. None stops a step that ends
+  // within the slack (Harris 1973): how a row changes along so short a step is rounding error.
   Block first_to_block(int end, int r0, double span, double slack, double depends) const {
     Block best{1.0, -1, 0};
     for (int i = 0; i < end; ++i) {
@@ -186,7 +187,9 @@ struct WorkingRows {
       const double b = s > 0.0 ? up[i] : low[i];
       if (!(std::fabs(b) < infinite)) continue;
       const double left = s > 0.0 ? b - before[i] : before[i] - b;
-      const double part = left <= slack * (norm[i] + tolerance::bland_bound * std::fabs(b)) ? 0.0 : left / std::fabs(s);
+      const double near = slack * (norm[i] + tolerance::bland_bound * std::fabs(b));
+      if (slack > 0.0 && std::fabs(s) - left <= near) continue;
+      const double part = left <= near ? 0.0 : left / std::fabs(s);
       if (part < best.length) best = {part, i, s > 0.0 ? 1 : -1};
     }
     return best;
