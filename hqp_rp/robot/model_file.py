@@ -5,17 +5,20 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import pathlib
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
 
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.core.paths import user_path
 from hqp_rp.robot.coupling import Coupling
 from hqp_rp.robot.inertia import repair
+from hqp_rp.robot.mesh_files import Meshes, checked_folders, checked_meshes, drop_meshes, settle_meshes
 from hqp_rp.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
 
 Path = str | os.PathLike[str]
 
+# What MuJoCo says of a URDF and this library does otherwise.
+_SEEN_TO = re.compile(r"^<mimic> on joint|has equal lower and upper limits, limit ignored")
+_INERTIA = re.compile(r"inertia (must|of moving bodies)")
 _SCALAR = ("revolute", "prismatic", "continuous")
 
 
@@ -31,7 +37,8 @@ def load_robot(
     library: str = "mujoco",
     *,
     floating_base: bool = False,
-    meshes: bool = True,
+    meshes: Meshes = True,
+    package_paths: Iterable[Path] = (),
     repair_inertias: bool = False,
     velocity_limit: ArrayLike | Mapping[str, float] | None = None,
     neutral: ArrayLike | str | None = None,
@@ -41,12 +48,12 @@ def load_robot(
     Args:
         path: the file; its root element (`<mujoco>` or `<robot>`) says which format it is.
         library: "mujoco" or "pinocchio".
-        floating_base, meshes, repair_inertias, velocity_limit, neutral: as in `MujocoRobot.from_file`.
+        floating_base, meshes, package_paths, repair_inertias, velocity_limit, neutral: as in `MujocoRobot.from_file`.
 
     Raises:
         RobotError: no such file, a file that the library does not read (with its message), or an argument that does not
             fit the robot.
-        UnknownNameError: another library.
+        SettingError: `meshes` or `package_paths` that are none. UnknownNameError: another library.
     """
     if library not in ("mujoco", "pinocchio"):
         raise unknown_name("robot library", library, ("mujoco", "pinocchio"))
@@ -58,6 +65,7 @@ def load_robot(
         path,
         floating_base=floating_base,
         meshes=meshes,
+        package_paths=package_paths,
         repair_inertias=repair_inertias,
         velocity_limit=velocity_limit,
         neutral=neutral,
@@ -67,7 +75,7 @@ def load_robot(
 def file_format(path: Path) -> Literal["mjcf", "urdf"]:
     """Which of the two formats the file is, by its root element. Raises `RobotError` when it is neither, or absent."""
     try:
-        with open(path, "rb") as file:
+        with open(user_path(path), "rb") as file:
             text = file.read().decode("utf-8", errors="replace")
     except OSError as error:
         raise RobotError(f"The robot file {os.fspath(path)!r} cannot be read: {error.strerror}.") from error
@@ -188,7 +196,12 @@ def _number(path: Path, joint: str, what: str, value: str) -> float:
 
 
 def mujoco_spec(
-    path: Path, *, floating_base: bool = False, meshes: bool = True, repair_inertias: bool = False
+    path: Path,
+    *,
+    floating_base: bool = False,
+    meshes: Meshes = True,
+    package_paths: Iterable[Path] = (),
+    repair_inertias: bool = False,
 ) -> mujoco.MjSpec:
     """The editable MuJoCo model of an MJCF or URDF file, with every link of a URDF kept as a body of its own.
 
@@ -196,6 +209,8 @@ def mujoco_spec(
     """
     import mujoco
 
+    checked_meshes(meshes)
+    path, folders = user_path(path), checked_folders(package_paths)
     urdf = file_format(path) == "urdf"
     if floating_base and not urdf:
         raise RobotError(
@@ -203,10 +218,11 @@ def mujoco_spec(
         )
     if urdf:
         parse_urdf(path)
-    if not os.fspath(path).endswith((".xml", ".urdf")):
+    if path.suffix not in (".xml", ".urdf"):
         raise RobotError(f"MuJoCo reads only files whose name ends in .xml or .urdf: rename {os.fspath(path)!r}.")
     try:
-        spec = mujoco.MjSpec.from_file(os.fspath(path))
+        with _without_known_warnings():
+            spec = mujoco.MjSpec.from_file(os.fspath(path))
     except ValueError as error:
         raise RobotError(f"MuJoCo does not read {os.fspath(path)!r}: {one_line(error)}") from error
     if urdf:
@@ -222,23 +238,35 @@ def mujoco_spec(
         require_floatable(path)
         for body in spec.worldbody.bodies:
             body.add_freejoint(name="root_joint")
-    if not meshes:
-        _drop_meshes(spec, path)
+    settle_meshes(spec, path, meshes, folders)
     if repair_inertias:
         repair(spec)
     return spec
 
 
 def mujoco_model(
-    path: Path, *, floating_base: bool = False, meshes: bool = True, repair_inertias: bool = False
+    path: Path,
+    *,
+    floating_base: bool = False,
+    meshes: Meshes = True,
+    package_paths: Iterable[Path] = (),
+    repair_inertias: bool = False,
 ) -> mujoco.MjModel:
     """The compiled MuJoCo model of an MJCF or URDF file. Args as `MujocoRobot.from_file`. Raises `RobotError`."""
-    spec = mujoco_spec(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
+    path = user_path(path)
+    spec = mujoco_spec(
+        path,
+        floating_base=floating_base,
+        meshes=meshes,
+        package_paths=package_paths,
+        repair_inertias=repair_inertias,
+    )
     try:
-        model = spec.compile()
+        with _without_known_warnings():
+            model = _compiled(spec, path) if meshes == "if found" else spec.compile()
     except ValueError as error:
         hint = ""
-        if "inertia" in str(error) and not repair_inertias:
+        if _INERTIA.search(str(error)) and not repair_inertias:
             hint = " repair_inertias=True makes the least change that MuJoCo accepts."
         elif meshes and spec.meshes:
             hint = " Its mesh files can be left out with meshes=False."
@@ -251,12 +279,55 @@ def mujoco_model(
     return model
 
 
-def parse_urdf(path: Path) -> ElementTree.Element:
-    """The root element of a URDF file. Raises `RobotError` with line and column where it is not well-formed XML."""
+def _compiled(spec: mujoco.MjSpec, path: pathlib.Path) -> mujoco.MjModel:
+    """The model, without any mesh where MuJoCo cannot use one of those that are there, which is said."""
+    files = [mesh.file for mesh in spec.meshes if mesh.file]
     try:
-        return ElementTree.parse(path).getroot()
+        return spec.compile()
+    except ValueError as error:
+        if not files:
+            raise
+        first = one_line(error)
+    drop_meshes(spec, path, [mesh.name for mesh in spec.meshes])
+    model = spec.compile()
+    _warn(
+        f"{os.fspath(path)!r}: MuJoCo cannot use one of the mesh files ({first.removesuffix('.')}), so that none of the "
+        f"{len(files)} is read; only collision distances need them."
+    )
+    return model
+
+
+@contextlib.contextmanager
+def _without_known_warnings() -> Iterator[None]:
+    """What MuJoCo would write to the terminal, as warnings of Python; not what `urdf_mimics` and the limits see to."""
+    import mujoco
+
+    if not hasattr(mujoco, "set_mju_user_warning"):
+        yield
+        return
+    told: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(told.append)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+    for message in told:
+        if not _SEEN_TO.search(message):
+            _warn(f"MuJoCo: {message}")
+
+
+def parse_urdf(path: Path) -> ElementTree.Element:
+    """The root element of a URDF file. Raises `RobotError` where it has no link or is not well-formed XML (with line)."""
+    try:
+        root = ElementTree.parse(user_path(path)).getroot()
     except ElementTree.ParseError as error:
         raise RobotError(f"The URDF file {os.fspath(path)!r} is not well-formed XML: {error}.") from error
+    if root.find("link") is None:
+        raise RobotError(
+            f"The URDF file {os.fspath(path)!r} has no <link>, so it is no robot; of a xacro file, give what `xacro FILE` prints."
+        )
+    return root
 
 
 def require_floatable(path: Path) -> None:
@@ -273,20 +344,3 @@ def one_line(error: Exception) -> str:
     """The message of a library's error on one line, ended by a full stop."""
     text = " ".join(str(error).split())
     return text if text.endswith(".") else text + "."
-
-
-def _drop_meshes(spec: mujoco.MjSpec, path: Path) -> None:
-    import mujoco
-
-    kinds = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
-    for geom in [geom for geom in spec.geoms if geom.type in kinds or geom.meshname]:
-        body = geom.parent
-        from_geometry = spec.compiler.inertiafromgeom != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-        if from_geometry and body.name != "world" and not body.explicitinertial and geom.mass != 0.0 and geom.density:
-            raise RobotError(
-                f"The body {body.name!r} of {os.fspath(path)!r} takes its inertia from the mesh {geom.meshname!r}: "
-                "the model cannot be loaded with meshes=False."
-            )
-        spec.delete(geom)
-    for mesh in list(spec.meshes):
-        spec.delete(mesh)
