@@ -218,7 +218,7 @@ def parse_stack(text: str, origin: str = "the stack", folder: str | os.PathLike[
 def _robot(values: Any, origin: str, folder: pathlib.Path) -> dict[str, Any]:
     """The table [robot], its relative paths from the stack file's folder on."""
     if not isinstance(values, dict):
-        raise SettingError(f"{origin}: robot is {values!r}; write a table, [robot], with model = \"FILE\" below it.")
+        raise SettingError(f'{origin}: robot is {values!r}; write a table, [robot], with model = "FILE" below it.')
     found = dict(values)
     if isinstance(found.get("model"), str) and not is_named(found["model"]):
         found["model"] = os.fspath(folder / user_path(found["model"]))

@@ -115,7 +115,9 @@ def warn_of_lost(model: pathlib.Path, count: int, absent: Sequence[str], unread:
     if absent:
         told.append(f"{len(absent)} not found ({absent[0]!r}{' ...' if len(absent) > 1 else ''})")
         uri = next(filter(None, map(_URI.fullmatch, absent)), None)
-        where = f"package_paths=[FOLDER], the folder that holds {uri['package']!r}" if uri else "them where the file says"
+        where = (
+            f"package_paths=[FOLDER], the folder that holds {uri['package']!r}" if uri else "them where the file says"
+        )
         remedy.append(f"give {where}")
     if unread:
         kinds = ", ".join(sorted({pathlib.PurePath(file).suffix.lower() or "no suffix" for file in unread}))

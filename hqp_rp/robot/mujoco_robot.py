@@ -27,9 +27,10 @@ from hqp_rp.robot.frames import (
     require_velocity,
 )
 from hqp_rp.robot.mesh_files import Meshes
-from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, urdf_velocity_limits
+from hqp_rp.robot.model_file import Path, file_format, one_line, urdf_velocity_limits
 from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_arm import arm_spec
+from hqp_rp.robot.mujoco_file import mujoco_model
 from hqp_rp.robot.mujoco_frames import MujocoFrames, kinematics_of
 from hqp_rp.robot.mujoco_model import geometry, keyframe, model_name, position_limits, quaternions, scalar_coordinates
 

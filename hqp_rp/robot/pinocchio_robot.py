@@ -20,7 +20,6 @@ from hqp_rp.robot.mesh_files import Meshes, checked_folders, checked_meshes
 from hqp_rp.robot.model_file import (
     Path,
     file_format,
-    mujoco_model,
     one_line,
     parse_urdf,
     require_floatable,
@@ -29,6 +28,7 @@ from hqp_rp.robot.model_file import (
     urdf_velocity_limits,
 )
 from hqp_rp.robot.model_robot import ModelRobot
+from hqp_rp.robot.mujoco_file import mujoco_model
 from hqp_rp.robot.mujoco_model import keyframe, position_limits
 from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
 

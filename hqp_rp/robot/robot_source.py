@@ -46,7 +46,9 @@ class RobotSource:
                 raise SettingError(f"{name} is {getattr(self, name)!r}; it must be true or false.")
         if self.is_named:
             if self.changed:
-                raise RobotError(f"{next(iter(self.changed))} is for robot files; {self.model!r} is one of the library's own.")
+                raise RobotError(
+                    f"{next(iter(self.changed))} is for robot files; {self.model!r} is one of the library's own."
+                )
         else:
             object.__setattr__(self, "model", os.fspath(user_path(self.model)))
 
@@ -80,9 +82,9 @@ class RobotSource:
 
         if self.is_named or not os.path.exists(self.model):
             return named_robot(self.model)  # which says what there is
-        limit, pairs = self.velocity_limit, self.velocity_limit
-        if isinstance(pairs, tuple) and any(isinstance(pair, tuple) for pair in pairs):
-            limit = dict(pairs)  # type: ignore[arg-type,assignment]
+        limit: Any = self.velocity_limit
+        if isinstance(limit, tuple) and any(isinstance(pair, tuple) for pair in limit):
+            limit = dict(limit)
         return load_robot(
             self.model,
             self.library,
@@ -90,7 +92,7 @@ class RobotSource:
             meshes=self.meshes,
             package_paths=self.package_paths,
             repair_inertias=self.repair_inertias,
-            velocity_limit=limit,  # type: ignore[arg-type]
+            velocity_limit=limit,
             neutral=self.neutral,
         )
 
