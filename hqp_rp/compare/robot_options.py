@@ -51,6 +51,7 @@ def as_options(sentence: str) -> str:
 def warnings_in_lines() -> Iterator[None]:
     """What the library warns of is one line on standard error, without the place in the source."""
     before = warnings.showwarning
+    told: set[str] = set()  # of several stacks on one robot, each says the same
 
     def show(
         message: Warning | str,
@@ -60,10 +61,11 @@ def warnings_in_lines() -> Iterator[None]:
         file: TextIO | None = None,
         line: str | None = None,
     ) -> None:
-        if category is UserWarning:
-            print(f"hqp-rp: {as_options(str(message))}", file=sys.stderr)
-        else:
+        if category is not UserWarning:
             before(message, category, filename, lineno, file, line)
+        elif (sentence := as_options(str(message))) not in told:
+            told.add(sentence)
+            print(f"hqp-rp: {sentence}", file=sys.stderr)
 
     warnings.showwarning = show
     try:

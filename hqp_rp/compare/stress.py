@@ -15,10 +15,11 @@ import polars as pl
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
 from hqp_rp.compare.machine import versions
 from hqp_rp.compare.report import FILES, Report, write_report
+from hqp_rp.compare.run import progress_bar
 from hqp_rp.compare.run_folder import PARTS, RunFolder
 from hqp_rp.compare.stress_atlas import NAME as ATLAS
 from hqp_rp.compare.stress_atlas import load_atlas, save_atlas
-from hqp_rp.compare.stress_plan import Plan, Scene, approachable, scene_of
+from hqp_rp.compare.stress_plan import Plan, Scene, approachable, quiet, scene_of
 from hqp_rp.compare.stress_rows import is_batched
 from hqp_rp.compare.stress_run import dask_client, key, run_chunks
 from hqp_rp.compare.stress_subject import RobotLike, StackLike, Subject, subject_of
@@ -128,8 +129,6 @@ def stress(
         _integer("workers", workers, 1)
     subject = subject_of(robot, stack, dt)
     scene = scene_of(subject)
-    if subject.dt is None and not scene.plain:
-        raise SettingError(f"{scene.stack!r} holds limits, which need the time step: give dt, in s, such as dt=0.01.")
     chosen = _contestants(solvers, limits=not scene.plain)
     kept, left_out = _willing(chosen, scene)
     client = None if dask is None else dask_client(dask)
@@ -141,8 +140,10 @@ def stress(
                 folder = RunFolder(place, run)
             else:
                 folder = RunFolder(output, run, files=(*FILES, ATLAS, WORST_FOLDER), overwrite=overwrite)
-            places = _atlas(scene, folder, seed, starts)
-            plan = Plan(subject, kept, samples, seed, approachable(scene, places), Sampler(scene.robot).limited)
+            with quiet():
+                places = _atlas(scene, folder, seed, starts, progress)
+                paths = approachable(scene, places)
+            plan = Plan(subject, kept, samples, seed, paths, Sampler(scene.robot).limited)
             run_chunks(plan, folder, workers=workers, client=client, progress=progress)
             parts = (folder.load([key(chunk.index)]) for chunk in plan.chunks)
             levels = scene.stack.names
@@ -160,11 +161,17 @@ def stress(
     return found
 
 
-def _atlas(scene: Scene, folder: RunFolder, seed: int, starts: int) -> tuple[SingularConfiguration, ...]:
+def _atlas(
+    scene: Scene, folder: RunFolder, seed: int, starts: int, progress: bool
+) -> tuple[SingularConfiguration, ...]:
     """The singular configurations, from the folder where a run that was stopped has found them."""
     path = folder.path / ATLAS
     if not path.exists():
-        found = find_singularities(scene.robot, scene.stack, starts=starts, seed=seed, dt=scene.dt)
+        total = starts * len(scene.tasks.names)
+        with progress_bar(progress, total, 0, "starts") as advance:
+            found = find_singularities(
+                scene.robot, scene.stack, starts=starts, seed=seed, dt=scene.dt, each=lambda name: advance(1, f"singularities of {name}")
+            )
         save_atlas(found.places, path)
     return load_atlas(path)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import itertools
@@ -139,12 +140,15 @@ class Plan:
 
     def scene(self) -> Scene:
         """The robot and its stack, built once in each process."""
-        with warnings.catch_warnings():  # what the model and the stack warn of was said where the test was started
-            warnings.simplefilter("ignore")
+        with quiet():
             return scene_of(self.subject)
 
     def samples_of(self, chunk: Chunk) -> Samples:
         """The samples of a chunk; they depend on the plan and the chunk's index only."""
+        with quiet():
+            return self._samples_of(chunk)
+
+    def _samples_of(self, chunk: Chunk) -> Samples:
         scene = self.scene()
         none = np.full(chunk.count, -1)
         if chunk.kind == APPROACH:
@@ -233,6 +237,14 @@ class Scene:
                 return None
             top = min(0.9 * top, float(path.sigma[0]))
         return None
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Nothing is said again: what a model and its stack warn of was said where the test was started."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
 
 
 @functools.lru_cache(maxsize=2)

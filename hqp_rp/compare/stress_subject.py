@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hqp_rp.control._sampling import Sampler
+from hqp_rp.control.limit import Limit
 from hqp_rp.control.stack import Stack
 from hqp_rp.control.stack_file import StackFile, load_stack, parse_stack
 from hqp_rp.core.errors import RobotError, SettingError
@@ -94,7 +95,7 @@ def subject_of(robot: RobotLike | None, stack: StackLike, dt: float | None = Non
         dt: s; None takes the stack file's.
 
     Raises:
-        SettingError: neither says a robot, or a stack that cannot be pickled. RobotError: something else in its place.
+        SettingError: neither says a robot, a stack with limits without dt, or one that cannot be pickled. RobotError: something else in its place.
         FileError and others, as `load_stack`.
     """
     file = None if isinstance(stack, Stack) else stack if isinstance(stack, StackFile) else _loaded(stack)
@@ -116,6 +117,8 @@ def subject_of(robot: RobotLike | None, stack: StackLike, dt: float | None = Non
             "or URDF file, or the name of a robot."
         )
     own = stack if isinstance(stack, Stack) else file.stack(built)  # type: ignore[union-attr]
+    if dt is None and (own.limits or any(isinstance(item, Limit) for items in own.levels for item in items)):
+        raise SettingError(f"{own!r} holds limits, which need the time step: give dt, in s, such as dt=0.01.")
     text = repr(own) if file is None else file.text
     data = _pickled(built, own)
     return ObjectSubject(title, text, repr(own) if file is None else file.origin, dt, _content(data, dt), data)
@@ -130,7 +133,7 @@ def _loaded(stack: object) -> StackFile:
 
 
 def _pickled(robot: Robot, stack: Stack) -> bytes:
-    from joblib.externals import cloudpickle  # classes of a script and functions without a name, too
+    import cloudpickle  # also takes classes of a script and functions without a name
 
     try:
         data: bytes = cloudpickle.dumps((robot, stack))

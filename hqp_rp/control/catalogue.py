@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import overload
 
 import numpy as np
@@ -111,6 +111,7 @@ def find_singularities(
     clearance: float = 0.02,
     separation: float = 0.05,
     dt: float | None = None,
+    each: Callable[[str], None] | None = None,
 ) -> Catalogue:
     """Search for the configurations where levels of `stack` lose rank, within the joint limits of `robot`.
 
@@ -131,6 +132,7 @@ def find_singularities(
         level: index of one level, from 0; None searches every level. kinds: what to return.
         starts, seed, tolerance, clearance, separation: as in `search_singularities`.
         dt: s, for stacks that need it (tasks of mink).
+        each: called after each start with the level's name, `starts` times for each level searched, for a progress bar.
 
     Raises:
         SettingError: a level that the stack does not have, a setting out of its range, or a stack without tasks.
@@ -161,6 +163,7 @@ def find_singularities(
         separation=separation,
         thorough=True,
         dt=dt,
+        each=each,
     )
     found = [dataclasses.replace(place, level=index[place.level]) for place in found]
     order = {kind: i for i, kind in enumerate(KINDS)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 import numpy as np
 
@@ -85,6 +85,7 @@ def search_singularities(
     separation: float = 0.05,
     thorough: bool = False,
     dt: float | None = None,
+    each: Callable[[str], None] | None = None,
 ) -> list[SingularConfiguration]:
     """Singular configurations of `stack` within the joint limits of `robot`, in the order in which they are found.
 
@@ -103,6 +104,7 @@ def search_singularities(
         separation: rad or m, least distance between two that are returned, in the largest difference of a joint.
         thorough: where Newton's steps fail, go on with damped steps within the limits; see `refine_singularity`.
         dt: s, for stacks that need it.
+        each: called after each start with the level's name.
 
     Raises:
         SettingError: a level that the stack does not have, a setting out of its range, or a stack with limits, whose
@@ -125,6 +127,8 @@ def search_singularities(
                 continue  # nothing comes before the first level
             for start in random_configurations(robot, starts, seed):
                 candidate = refine_singularity(robot, stack, start, k, tolerance=tolerance, thorough=thorough, dt=dt)
+                if each is not None:
+                    each(stack.names[k])
                 if (
                     candidate is None
                     or candidate.kind not in kinds
