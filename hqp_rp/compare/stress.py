@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import os
 import pathlib
 import tempfile
@@ -15,13 +16,12 @@ import polars as pl
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
 from hqp_rp.compare.machine import versions
 from hqp_rp.compare.report import FILES, Report, write_report
-from hqp_rp.compare.run import progress_bar
 from hqp_rp.compare.run_folder import PARTS, RunFolder
 from hqp_rp.compare.stress_atlas import NAME as ATLAS
 from hqp_rp.compare.stress_atlas import load_atlas, save_atlas
 from hqp_rp.compare.stress_plan import Plan, Scene, approachable, quiet, scene_of
 from hqp_rp.compare.stress_rows import is_batched
-from hqp_rp.compare.stress_run import dask_client, key, run_chunks
+from hqp_rp.compare.stress_run import dask_client, key, run_chunks, run_starts
 from hqp_rp.compare.stress_subject import RobotLike, StackLike, Subject, subject_of
 from hqp_rp.compare.stress_summary import Summary, summarize
 from hqp_rp.control._sampling import Sampler
@@ -141,7 +141,7 @@ def stress(
             else:
                 folder = RunFolder(output, run, files=(*FILES, ATLAS, WORST_FOLDER), overwrite=overwrite)
             with quiet():
-                places = _atlas(scene, folder, seed, starts, progress)
+                places = _atlas(subject, folder, seed, starts, workers, progress)
                 paths = approachable(scene, places)
             plan = Plan(subject, kept, samples, seed, paths, Sampler(scene.robot).limited)
             run_chunks(plan, folder, workers=workers, client=client, progress=progress)
@@ -162,16 +162,14 @@ def stress(
 
 
 def _atlas(
-    scene: Scene, folder: RunFolder, seed: int, starts: int, progress: bool
+    subject: Subject, folder: RunFolder, seed: int, starts: int, workers: int | None, progress: bool
 ) -> tuple[SingularConfiguration, ...]:
     """The singular configurations, from the folder where a run that was stopped has found them."""
     path = folder.path / ATLAS
     if not path.exists():
-        total = starts * len(scene.tasks.names)
-        with progress_bar(progress, total, 0, "starts") as advance:
-            found = find_singularities(
-                scene.robot, scene.stack, starts=starts, seed=seed, dt=scene.dt, each=lambda name: advance(1, f"singularities of {name}")
-            )
+        scene = scene_of(subject)
+        refined = functools.partial(run_starts, subject, seed, workers=workers, progress=progress)
+        found = find_singularities(scene.robot, scene.stack, starts=starts, seed=seed, dt=scene.dt, refined=refined)
         save_atlas(found.places, path)
     return load_atlas(path)
 

@@ -95,7 +95,8 @@ def subject_of(robot: RobotLike | None, stack: StackLike, dt: float | None = Non
         dt: s; None takes the stack file's.
 
     Raises:
-        SettingError: neither says a robot, a stack with limits without dt, or one that cannot be pickled. RobotError: something else in its place.
+        SettingError: neither says a robot, a stack with limits without dt, or one that cannot be pickled.
+        RobotError: something else in the robot's place.
         FileError and others, as `load_stack`.
     """
     file = None if isinstance(stack, Stack) else stack if isinstance(stack, StackFile) else _loaded(stack)

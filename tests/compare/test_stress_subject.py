@@ -130,7 +130,14 @@ def test_classes_of_a_script_reach_the_workers(tmp_path: pathlib.Path) -> None:
         "    found = hqp_rp.stress(named_robot('planar3'), stack, samples=300, solvers=['null_space'], starts=2, workers=2)\n"
         "    print(found.summary.status.sum() / len(found.summary.labels))\n"
     )
-    done = subprocess.run([sys.executable, script], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, script],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["300.0"]
 
@@ -223,7 +230,9 @@ def test_options_of_robot_files(elbow: pathlib.Path, capsys: pytest.CaptureFixtu
 
 
 def test_the_robot_of_a_stack_file(elbow: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = '[robot]\nmodel = "elbow.urdf"\nmeshes = false\nneutral = [0.1, 0.2]\nvelocity_limit = { elbow = 0.5 }\n' + TOML
+    text = (
+        '[robot]\nmodel = "elbow.urdf"\nmeshes = false\nneutral = [0.1, 0.2]\nvelocity_limit = { elbow = 0.5 }\n' + TOML
+    )
     (elbow / "whole.toml").write_text(text)
     source = load_stack(elbow / "whole.toml").robot_source()
     assert (source.model, source.neutral) == (str(elbow / "elbow.urdf"), (0.1, 0.2))
@@ -244,7 +253,10 @@ def test_the_robot_of_a_stack_file(elbow: pathlib.Path, monkeypatch: pytest.Monk
         ("[robot]\nfile = 'a'", "robot: There is no setting of .*robot.* named 'file'"),
         ("[robot]\nfloating_base = 1", "robot: floating_base is 1; it must be true or false"),
         ("[robot]\npackage_paths = 'a'", "robot: package_paths is 'a'; give a list of folders"),
-        ("[robot]\nmodel = 'sawyer'\nmeshes = false", "robot: meshes is for robot files; 'sawyer' is one of the library's"),
+        (
+            "[robot]\nmodel = 'sawyer'\nmeshes = false",
+            "robot: meshes is for robot files; 'sawyer' is one of the library's",
+        ),
     ],
 )
 def test_a_wrong_robot_of_a_stack_file(table: str, words: str) -> None:
@@ -258,7 +270,7 @@ def test_if_found_in_python(elbow: pathlib.Path) -> None:
     with pytest.warns(UserWarning, match="1 of 1 mesh files are left out, 1 not found"):
         robot = load_robot(elbow / "elbow.urdf", meshes="if found")
     assert robot.nv == 2
-    with pytest.raises(SettingError, match='meshes is \'maybe\'; it must be True, False or "if found"'):
+    with pytest.raises(SettingError, match="meshes is 'maybe'; it must be True, False or \"if found\""):
         load_robot(elbow / "elbow.urdf", meshes="maybe")  # type: ignore[arg-type]
 
 

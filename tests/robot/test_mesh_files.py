@@ -71,7 +71,7 @@ def test_what_is_not_there_or_not_read_is_left_out(model: pathlib.Path) -> None:
     (model.parents[1] / "meshes" / "tip.dae").write_text("")
     files = ("meshes/tip.obj", "meshes/tip.dae", "meshes/gone.stl", "meshes/gone.obj")
     model.write_text(urdf(*(f"package://one_description/{file}" for file in files)))
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning, match="mesh files") as told:
         robot = load_robot(model, meshes="if found")
     (message,) = (str(warning.message) for warning in told)
     assert "3 of 4 mesh files are left out, 2 not found ('package://one_description/meshes/gone.stl' ...)" in message
@@ -106,7 +106,10 @@ def test_an_mjcf_with_some_of_its_meshes(model: pathlib.Path) -> None:
             robot = load_robot(model, library, meshes="if found")
         np.testing.assert_allclose(robot.mass_matrix(), [[1.0]])
     model.write_text(text.replace('<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>', ""))
-    with pytest.warns(UserWarning, match="left out"), pytest.raises(RobotError, match="cannot be loaded without that file"):
+    with (
+        pytest.warns(UserWarning, match="left out"),
+        pytest.raises(RobotError, match="cannot be loaded without that file"),
+    ):
         load_robot(model, meshes="if found")
 
 
@@ -118,7 +121,9 @@ def test_a_urdf_never_needs_its_meshes_for_pinocchio(model: pathlib.Path) -> Non
 def test_wrong_folders_and_a_file_without_links(model: pathlib.Path) -> None:
     model.write_text('<robot name="r" xmlns:xacro="x"/>')
     for library in ("mujoco", "pinocchio"):
-        with pytest.raises(RobotError, match="has no <link>, so it is no robot; of a xacro file, give what `xacro FILE`"):
+        with pytest.raises(
+            RobotError, match="has no <link>, so it is no robot; of a xacro file, give what `xacro FILE`"
+        ):
             load_robot(model, library)
     with pytest.raises(SettingError, match="package_paths holds '/none', which is no folder"):
         load_robot(model, package_paths=["/none"])
@@ -126,7 +131,9 @@ def test_wrong_folders_and_a_file_without_links(model: pathlib.Path) -> None:
         load_robot(model, package_paths="/")
 
 
-def test_mujoco_does_not_write_to_the_terminal_what_is_seen_to(model: pathlib.Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_mujoco_does_not_write_to_the_terminal_what_is_seen_to(
+    model: pathlib.Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     text = urdf().replace('type="continuous"', 'type="revolute"')
     model.write_text(text.replace("</joint>", '<limit lower="1" upper="1" velocity="1" effort="1"/></joint>'))
     with warnings.catch_warnings():
