@@ -310,4 +310,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from hqp_rp.script import main as program  # which knows what to do when a reader closes the pipe
+
+    sys.exit(program())

@@ -134,9 +134,9 @@ def stress(
     client = None if dask is None else dask_client(dask)
     run = _description(subject, samples, kept, seed, starts)
     try:
-        with contextlib.ExitStack() as stack_of:
+        with contextlib.ExitStack() as opened:
             if output is None:
-                place = stack_of.enter_context(tempfile.TemporaryDirectory(prefix="hqp_rp-"))
+                place = opened.enter_context(tempfile.TemporaryDirectory(prefix="hqp_rp-"))
                 folder = RunFolder(place, run)
             else:
                 folder = RunFolder(output, run, files=(*FILES, ATLAS, WORST_FOLDER), overwrite=overwrite)

@@ -18,9 +18,8 @@ from hqp_rp.control.stack import Stack
 from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
 from hqp_rp.core.errors import FileError, HqpError, SettingError, unknown_name, unknown_setting
 from hqp_rp.core.paths import user_path
-from hqp_rp.robot.named import is_named
 from hqp_rp.robot.robot import Robot
-from hqp_rp.robot.robot_source import RobotSource
+from hqp_rp.robot.robot_source import RobotSource, robot_table
 
 EXAMPLES = pathlib.Path(__file__).with_name("stacks")
 """The folder of the stack files that come with the library."""
@@ -94,7 +93,7 @@ class StackFile:
                 'file, under [robot], as model = "FILE".'
             )
         try:
-            return RobotSource.of(values, "[robot]")
+            return RobotSource.of(values)
         except HqpError as error:
             raise error if given or model is not None else _told(error, f"{self.origin}: robot") from None
 
@@ -216,20 +215,12 @@ def parse_stack(text: str, origin: str = "the stack", folder: str | os.PathLike[
 
 
 def _robot(values: Any, origin: str, folder: pathlib.Path) -> dict[str, Any]:
-    """The table [robot], its relative paths from the stack file's folder on."""
     if not isinstance(values, dict):
         raise SettingError(f'{origin}: robot is {values!r}; write a table, [robot], with model = "FILE" below it.')
-    found = dict(values)
-    if isinstance(found.get("model"), str) and not is_named(found["model"]):
-        found["model"] = os.fspath(folder / user_path(found["model"]))
-    if isinstance(found.get("package_paths"), list):
-        paths = found["package_paths"]
-        found["package_paths"] = [os.fspath(folder / user_path(p)) if isinstance(p, str) else p for p in paths]
     try:
-        RobotSource.of({"model": "FILE"} | found, "[robot]")
+        return robot_table(values, folder)
     except HqpError as error:
         raise _told(error, f"{origin}: robot") from None
-    return found
 
 
 def _items(table: Mapping[str, Any], kind: str, where: str, origin: str) -> tuple[Item, ...]:

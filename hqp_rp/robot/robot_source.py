@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import pathlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -53,12 +54,12 @@ class RobotSource:
             object.__setattr__(self, "model", os.fspath(user_path(self.model)))
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], owner: str = "a robot") -> RobotSource:
+    def of(cls, values: Mapping[str, Any]) -> RobotSource:
         """The source that these arguments say, lists and tables as a TOML file has them. Errors as the class."""
         names = [field.name for field in dataclasses.fields(cls)]
         for key in values:
             if key not in names:
-                raise unknown_setting(owner, key, names)
+                raise unknown_setting("a robot", key, names)
         plain = {key: _hashable(value) for key, value in values.items()}
         paths = plain.get("package_paths", ())
         if not isinstance(paths, tuple) or not all(isinstance(path, str) for path in paths):
@@ -95,6 +96,21 @@ class RobotSource:
             velocity_limit=limit,
             neutral=self.neutral,
         )
+
+
+def robot_table(values: Mapping[str, Any], folder: pathlib.Path) -> dict[str, Any]:
+    """Arguments of a `RobotSource`, all or some, as a file in `folder` says them: relative paths begin there.
+
+    Errors as `RobotSource.of`.
+    """
+    found = dict(values)
+    if isinstance(found.get("model"), str) and not is_named(found["model"]):
+        found["model"] = os.fspath(folder / user_path(found["model"]))
+    if isinstance(found.get("package_paths"), list):
+        paths = found["package_paths"]
+        found["package_paths"] = [os.fspath(folder / user_path(p)) if isinstance(p, str) else p for p in paths]
+    RobotSource.of({"model": "FILE"} | found)
+    return found
 
 
 def _hashable(value: Any) -> Any:
