@@ -7,6 +7,7 @@ import hashlib
 import os
 import pathlib
 import pickle
+import warnings
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -118,8 +119,10 @@ def subject_of(robot: RobotLike | None, stack: StackLike, dt: float | None = Non
             "or URDF file, or the name of a robot."
         )
     own = stack if isinstance(stack, Stack) else file.stack(built)  # type: ignore[union-attr]
-    if dt is None and (own.limits or any(isinstance(item, Limit) for items in own.levels for item in items)):
-        raise SettingError(f"{own!r} holds limits, which need the time step: give dt, in s, such as dt=0.01.")
+    if dt is None and (own.limits or any(_needs_dt(item) for items in own.levels for item in items)):
+        raise SettingError(
+            f"{own!r} holds limits or mink tasks, which need the time step: give dt, in s, such as dt=0.01."
+        )
     text = repr(own) if file is None else file.text
     data = _pickled(built, own)
     return ObjectSubject(title, text, repr(own) if file is None else file.origin, dt, _content(data, dt), data)
@@ -131,6 +134,10 @@ def _loaded(stack: object) -> StackFile:
             f"stack is a {type(stack).__name__}; give a Stack, a StackFile, or the path or name of a stack file."
         )
     return load_stack(stack)
+
+
+def _needs_dt(item: object) -> bool:
+    return isinstance(item, Limit) or any(kind.__module__.startswith("mink.") for kind in type(item).__mro__)
 
 
 def _pickled(robot: Robot, stack: Stack) -> bytes:
@@ -155,7 +162,9 @@ def _content(data: bytes, dt: float | None) -> str:
     arrays = [robot.lower, robot.upper, robot.velocity_limit]
     for i in range(_SAMPLED):
         robot.update(sampler.uniform(np.random.default_rng(i)))
-        problem = stack.problem(robot, dt, rest)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # said where the test begins
+            problem = stack.problem(robot, dt, rest)
         arrays += [problem.matrix, problem.lower, problem.upper, problem.offsets]
         if problem.hard is not None:
             arrays += [problem.hard.A, problem.hard.lower, problem.hard.upper]

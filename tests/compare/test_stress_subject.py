@@ -172,7 +172,7 @@ class Locked(PositionTask):
         ("planar3", 3, SettingError, "stack is a int; give a Stack, a StackFile, or the path or name of a stack file"),
         ("planar3", Stack([PostureTask(np.zeros(4))]), HqpError, "posture"),
         ("planar3", Stack([PositionTask("hand", np.zeros(3))]), RobotError, "hand"),
-        ("planar3", Stack([VelocityLimit(1.0)]), SettingError, "holds limits, which need the time step: give dt"),
+        ("planar3", Stack([VelocityLimit(1.0)]), SettingError, "holds limits or mink tasks, which need the time step: give dt"),
         ("planar3", Stack([Locked()]), SettingError, r"Stack\(.*\) on this robot cannot be handed to worker processes"),
     ],
 )  # fmt: skip
@@ -185,6 +185,29 @@ def test_what_cannot_be_stressed_is_one_error(robot: Any, stack: Any, error: typ
 def test_limits_alone_have_no_singularities() -> None:
     with pytest.raises(SettingError, match=r"holds no task; singularities are those of tasks"):
         stress("planar3", Stack([VelocityLimit(1.0)]), dt=0.01, **SMALL)
+
+
+def test_tasks_of_mink() -> None:
+    mink = pytest.importorskip("mink")
+    robot, _ = planar()
+    task = mink.PostureTask(robot.model, 1.0)
+    task.set_target(robot.q)
+    reach = mink.FrameTask("tool", "site", 1.0, 0.0)
+    reach.set_target(mink.SE3.from_translation(np.array([0.8, 0.2, 0.0])))
+    with pytest.raises(SettingError, match="mink tasks, which need the time step"):
+        stress(robot, Stack([reach, task]), **SMALL)
+    found = stress(robot, Stack([reach, task]), dt=0.01, **SMALL)
+    assert found.summary.status.sum() == 60 * len(found.summary.labels)
+
+
+def test_a_warning_of_the_model_is_given_once(tmp_path: pathlib.Path) -> None:
+    (tmp_path / "coupled.xml").write_text(
+        MJCF.replace("<keyframe>", '<equality><joint joint1="k" joint2="j"/></equality><keyframe>')
+    )
+    robot = load_robot(tmp_path / "coupled.xml")
+    with pytest.warns(UserWarning, match="follow others") as told:
+        stress(robot, Stack([PositionTask("tool", [0.4, 0.2, 0.0], axes="x")]), **SMALL)
+    assert len(told) == 1
 
 
 def test_one_level_is_enough() -> None:
