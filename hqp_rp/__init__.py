@@ -25,13 +25,14 @@ from hqp_rp.core.errors import (
     UnknownNameError,
     WorkLimitError,
 )
-from hqp_rp.core.extras import require
+from hqp_rp.core.extras import require, require_report
 from hqp_rp.core.problem import Level, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 
 if TYPE_CHECKING:
     from hqp_rp import problems
+    from hqp_rp.compare.stress import stress
     from hqp_rp.control.catalogue import Catalogue, find_singularities
     from hqp_rp.control.center_of_mass_task import CenterOfMassTask
     from hqp_rp.control.collision_limit import CollisionLimit
@@ -131,6 +132,7 @@ __all__ = [
     "save_problem",
     "solve",
     "solve_batch",
+    "stress",
     "truth",
 ]
 
@@ -176,6 +178,7 @@ _LAZY = {
     "Truth": "core.truth",
     "truth": "core.truth",
     "load_robot": "robot.model_file",
+    "stress": "compare.stress",
 }
 
 # The package that a name needs, asked for in the name that the user wrote.
@@ -193,6 +196,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'hqp_rp' has no attribute {name!r}")
     if name in _NEEDS:
         require(*_NEEDS[name])
+    if name == "stress":
+        require_report("hqp_rp.stress")
     return getattr(importlib.import_module(f"hqp_rp.{_LAZY[name]}"), name)
 
 

@@ -108,7 +108,8 @@ class HumanoidReach(Limited):
 
     def robot(self) -> MujocoRobot:
         """JVRC-1 on a floating base, without fingers, in its stance with the feet on the floor."""
-        from hqp_rp.robot.model_file import mujoco_spec, urdf_velocity_limits
+        from hqp_rp.robot.model_file import urdf_velocity_limits
+        from hqp_rp.robot.mujoco_file import mujoco_spec
         from hqp_rp.robot.mujoco_robot import MujocoRobot
 
         path = _urdf()

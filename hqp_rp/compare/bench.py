@@ -20,6 +20,7 @@ from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.run import one_thread_each
 from hqp_rp.core.errors import FileError, SettingError, unknown_name
+from hqp_rp.core.paths import user_path
 
 PEERS = (*SOLVER_PEERS, "mink", *REMOTE_PEERS)
 """What `--peer` knows."""
@@ -72,11 +73,9 @@ def bench(
         SettingError: an interpreter that does not exist, a folder without LexLS or without Eigen.
         FileError: the folder holds files that no benchmark wrote, a damaged history, or cannot be written.
     """
-    native = checked_lexls(
-        None if lexls is None else pathlib.Path(lexls), None if eigen is None else pathlib.Path(eigen)
-    )
+    native = checked_lexls(None if lexls is None else user_path(lexls), None if eigen is None else user_path(eigen))
     asked = dataclasses.replace(checked(families, peers, peer_python, quick), lexls=native)
-    folder = pathlib.Path(output)
+    folder = user_path(output)
     history = _opened(folder)
     if fresh_process:
         with (
@@ -113,7 +112,7 @@ def checked(
     for name in peers or ():
         if name not in PEERS:
             raise unknown_name("peer", name, PEERS)
-    pythons = tuple(str(path) for path in peer_python)
+    pythons = tuple(str(user_path(path)) for path in peer_python)
     for path in pythons:
         if not pathlib.Path(path).is_file():
             raise SettingError(f"peer_python is {path!r}, which does not exist; give the path of a Python interpreter.")

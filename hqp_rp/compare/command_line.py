@@ -5,11 +5,13 @@ from __future__ import annotations
 import pathlib
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import tyro
 
+from hqp_rp.compare.robot_options import as_options, robot_options, warnings_in_lines
 from hqp_rp.core.errors import HqpError, SettingError
+from hqp_rp.core.paths import user_path
 
 INTERRUPTED = 130
 MISUSE = 2
@@ -41,6 +43,7 @@ def compare(
     """
     from hqp_rp.compare.comparison import compare as run
 
+    output = user_path(output)
     try:
         found = run(
             scenario or None,
@@ -62,8 +65,15 @@ def compare(
 
 
 def stress(
-    model: tyro.conf.Positional[str],
+    model: tyro.conf.Positional[str | None] = None,
+    *,
     stack: str,
+    library: Literal["mujoco", "pinocchio"] | None = None,
+    meshes: bool = True,
+    package_path: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    floating_base: bool = False,
+    repair_inertias: bool = False,
+    keyframe: str | None = None,
     samples: int = 10_000,
     solver: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     output: pathlib.Path = pathlib.Path("stress"),
@@ -79,9 +89,17 @@ def stress(
     stopped, or killed, goes on where it stopped when the same command is given again.
 
     Args:
-        model: an MJCF or URDF file, or sawyer, planar4 (planarN), dual_sawyer, humanoid.
+        model: an MJCF or URDF file, or sawyer, planar4 (planarN), dual_sawyer, humanoid; without it, the one that the stack
+            file says under [robot]. What is given here counts before what that says.
         stack: a stack file (TOML), or the name of one that comes with the library: sawyer, sawyer_limits, planar4,
             dual_sawyer, humanoid.
+        library: what computes the robot; mujoco when not given.
+        meshes: --no-meshes reads no mesh files; otherwise those that are there, and that MuJoCo reads, are read.
+        package_path: a folder where packages of package://PACKAGE/FILE are; repeat it for more. The folders above the robot
+            file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH are looked through as well.
+        floating_base: give the root link of a URDF a free joint.
+        repair_inertias: replace inertias that MuJoCo refuses by the nearest that it accepts.
+        keyframe: the keyframe of an MJCF that is the robot's neutral configuration, such as home.
         samples: how many configurations.
         solver: as in `hqp-rp compare`, and closed_forms for all of them; repeat it for more. Without it, every solver.
         output: the folder to write.
@@ -92,11 +110,15 @@ def stress(
         dask: address of a running dask scheduler that takes the work instead, such as tcp://10.0.0.1:8786.
     """
     from hqp_rp.compare.stress import stress as run
+    from hqp_rp.control.stack_file import load_stack
 
+    file = load_stack(stack)
+    given = robot_options(library, meshes, package_path, floating_base, repair_inertias, keyframe)
+    robot, output = file.robot_source(model, **given), user_path(output)
     try:
         found = run(
-            model,
-            stack,
+            robot,
+            file,
             samples=samples,
             solvers=solver or None,
             output=output,
@@ -153,6 +175,7 @@ def claims(
 
     if workers is not None and workers < 1:
         raise SettingError(f"workers is {workers!r}; it must be an integer of at least 1.")
+    output = user_path(output)
     for sentence in study_claims(output, quick=quick, overwrite=overwrite, workers=workers, films=films):
         print(sentence)
     print(f"The report: {output / 'report.md'}")
@@ -183,6 +206,7 @@ def bench(
     """
     from hqp_rp.compare.bench import bench as run
 
+    output = user_path(output)
     found = run(
         output,
         families=family or None,
@@ -268,15 +292,16 @@ COMMANDS: dict[str, Callable[..., int]] = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit code: 0 done, 2 wrong input (one line says what and the remedy), 130 interrupted."""
     try:
-        code: Any = tyro.extras.subcommand_cli_from_dict(
-            COMMANDS,
-            prog="hqp-rp",
-            description="One prioritized robot task stack, every hierarchical controller, and the truth about each.",
-            args=list(sys.argv[1:] if arguments is None else arguments),
-            config=(tyro.conf.FlagCreatePairsOff,),
-        )
+        with warnings_in_lines():
+            code: Any = tyro.extras.subcommand_cli_from_dict(
+                COMMANDS,
+                prog="hqp-rp",
+                description="One prioritized robot task stack, every hierarchical controller, and the truth about each.",
+                args=list(sys.argv[1:] if arguments is None else arguments),
+                config=(tyro.conf.FlagCreatePairsOff,),
+            )
     except HqpError as error:
-        print(f"hqp-rp: {error}", file=sys.stderr)
+        print(f"hqp-rp: {as_options(str(error))}", file=sys.stderr)
         return MISUSE
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
@@ -285,4 +310,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from hqp_rp.script import main as program  # which knows what to do when a reader closes the pipe
+
+    sys.exit(program())

@@ -15,6 +15,7 @@ from typing import Any
 import polars as pl
 
 from hqp_rp.core.errors import FileError
+from hqp_rp.core.paths import user_path
 
 MANIFEST = "run.json"
 PARTS = "parts"
@@ -78,7 +79,7 @@ class RunFolder:
         files: Iterable[str] = (),
         overwrite: bool = False,
     ) -> None:
-        self.path = pathlib.Path(path)
+        self.path = user_path(path)
         self.files = tuple(files)
         self.description = json.loads(json.dumps(description))
         if self.path.exists() and not self.path.is_dir():

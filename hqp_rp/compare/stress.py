@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-import hashlib
+import functools
 import os
 import pathlib
 import tempfile
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import polars as pl
 
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
@@ -19,15 +19,15 @@ from hqp_rp.compare.report import FILES, Report, write_report
 from hqp_rp.compare.run_folder import PARTS, RunFolder
 from hqp_rp.compare.stress_atlas import NAME as ATLAS
 from hqp_rp.compare.stress_atlas import load_atlas, save_atlas
-from hqp_rp.compare.stress_plan import Plan, Scene, approachable
+from hqp_rp.compare.stress_plan import Plan, Scene, approachable, quiet, scene_of
 from hqp_rp.compare.stress_rows import is_batched
-from hqp_rp.compare.stress_run import dask_client, key, run_chunks
+from hqp_rp.compare.stress_run import dask_client, key, run_chunks, run_starts
+from hqp_rp.compare.stress_subject import RobotLike, StackLike, Subject, subject_of
 from hqp_rp.compare.stress_summary import Summary, summarize
+from hqp_rp.control._sampling import Sampler
 from hqp_rp.control.catalogue import find_singularities
-from hqp_rp.control.stack_file import StackFile, load_stack
 from hqp_rp.core.errors import FileError, SettingError
 from hqp_rp.core.solver import Solver
-from hqp_rp.robot.named import named_robot
 
 if TYPE_CHECKING:
     from hqp_rp.control.singularities import SingularConfiguration
@@ -82,9 +82,10 @@ class Stress:
 
 
 def stress(
-    model: str | os.PathLike[str],
-    stack: str | os.PathLike[str] | StackFile,
+    robot: RobotLike | None,
+    stack: StackLike,
     *,
+    dt: float | None = None,
     samples: int = SAMPLES,
     solvers: Sequence[str | Solver | Contestant] | None = None,
     output: str | os.PathLike[str] | None = None,
@@ -102,8 +103,10 @@ def stress(
     where it stopped when it is started again with the same output folder.
 
     Args:
-        model: "sawyer", "planar4", "dual_sawyer", "humanoid" or an MJCF or URDF file (see `named_robot`).
-        stack: a stack file, the name of one of the library's own, or a `StackFile`.
+        robot: a `Robot`; an MJCF or URDF file, or a `RobotSource`, which says how to load one; "sawyer", "planar4",
+            "dual_sawyer" or "humanoid"; None for the robot that the stack file says. A given `Robot` is not moved.
+        stack: a `Stack`; a stack file, the name of one of the library's own, or a `StackFile`.
+        dt: s, for how long an answer is held; needed by a `Stack` with limits, and None takes what the stack file says.
         samples: how many configurations, >= 1: about a third at random, near the limits, and on paths to singularities.
         solvers: as in `compare`, and "closed_forms" for all that take many problems at once; None means all. A stack
             without limits has neither with the solvers that are then the same as others, unless they are named.
@@ -115,7 +118,8 @@ def stress(
         progress: show a progress bar on standard error.
 
     Raises:
-        SettingError, UnknownNameError, RobotError, FileError: a wrong input, before any work starts.
+        SettingError, UnknownNameError, RobotError, FileError: a wrong input, before any work starts. A robot and a stack
+            that do not fit each other, a stack of limits alone, with limits and without dt, or one that cannot be pickled.
         MissingExtraError: dask is asked for and not installed.
     """
     _integer("samples", samples, 1)
@@ -123,25 +127,32 @@ def stress(
     _integer("starts", starts, 1)
     if workers is not None:
         _integer("workers", workers, 1)
-    file = stack if isinstance(stack, StackFile) else load_stack(stack)
-    robot = named_robot(model)
-    scene = Scene(robot, file.stack(robot), file.dt)
+    subject = subject_of(robot, stack, dt)
+    scene = scene_of(subject)
     chosen = _contestants(solvers, limits=not scene.plain)
     kept, left_out = _willing(chosen, scene)
     client = None if dask is None else dask_client(dask)
+    run = _description(subject, samples, kept, seed, starts)
     try:
-        run = _description(model, file, samples, kept, seed, starts)
-        if output is None:
-            with tempfile.TemporaryDirectory(prefix="hqp_rp-") as temporary:
-                folder = RunFolder(temporary, run)
-                return _run(
-                    model, file, scene, kept, left_out, samples, seed, starts, folder, workers, client, progress
-                )
-        folder = RunFolder(output, run, files=(*FILES, ATLAS, WORST_FOLDER), overwrite=overwrite)
-        found = _run(model, file, scene, kept, left_out, samples, seed, starts, folder, workers, client, progress)
+        with contextlib.ExitStack() as opened:
+            if output is None:
+                place = opened.enter_context(tempfile.TemporaryDirectory(prefix="hqp_rp-"))
+                folder = RunFolder(place, run)
+            else:
+                folder = RunFolder(output, run, files=(*FILES, ATLAS, WORST_FOLDER), overwrite=overwrite)
+            with quiet():
+                places = _atlas(subject, folder, seed, starts, workers, progress)
+                paths = approachable(scene, places)
+            plan = Plan(subject, kept, samples, seed, paths, Sampler(scene.robot).limited)
+            run_chunks(plan, folder, workers=workers, client=client, progress=progress)
+            parts = (folder.load([key(chunk.index)]) for chunk in plan.chunks)
+            levels = scene.stack.names
+            found = Stress(plan, levels, places, left_out, summarize(plan, levels, parts))
     finally:
         if client is not None:
             client.close()
+    if output is None:
+        return found
     found = dataclasses.replace(found, folder=folder.path)
     from hqp_rp.compare.stress_worst import save_worst
 
@@ -150,38 +161,17 @@ def stress(
     return found
 
 
-def _run(
-    model: str | os.PathLike[str],
-    file: StackFile,
-    scene: Scene,
-    contestants: tuple[Contestant, ...],
-    left_out: tuple[tuple[str, str], ...],
-    samples: int,
-    seed: int,
-    starts: int,
-    folder: RunFolder,
-    workers: int | None,
-    client: Any,
-    progress: bool,
-) -> Stress:
-    atlas = folder.path / ATLAS
-    if not atlas.exists():
-        found = find_singularities(scene.robot, scene.stack, starts=starts, seed=seed, dt=scene.dt)
-        save_atlas(found.places, atlas)
-    places = load_atlas(atlas)
-    plan = Plan(
-        model=os.fspath(model),
-        stack=file,
-        contestants=contestants,
-        samples=samples,
-        seed=seed,
-        places=approachable(scene, places),
-        limited=bool(np.isfinite(scene.robot.lower).any() or np.isfinite(scene.robot.upper).any()),
-    )
-    run_chunks(plan, folder, workers=workers, client=client, progress=progress)
-    parts = (folder.load([key(chunk.index)]) for chunk in plan.chunks)
-    levels = scene.stack.names
-    return Stress(plan, levels, places, left_out, summarize(plan, levels, parts))
+def _atlas(
+    subject: Subject, folder: RunFolder, seed: int, starts: int, workers: int | None, progress: bool
+) -> tuple[SingularConfiguration, ...]:
+    """The singular configurations, from the folder where a run that was stopped has found them."""
+    path = folder.path / ATLAS
+    if not path.exists():
+        scene = scene_of(subject)
+        refined = functools.partial(run_starts, subject, seed, workers=workers, progress=progress)
+        found = find_singularities(scene.robot, scene.stack, starts=starts, seed=seed, dt=scene.dt, refined=refined)
+        save_atlas(found.places, path)
+    return load_atlas(path)
 
 
 def _contestants(solvers: Sequence[str | Solver | Contestant] | None, *, limits: bool) -> tuple[Contestant, ...]:
@@ -209,20 +199,11 @@ def _willing(
 
 
 def _description(
-    model: str | os.PathLike[str],
-    file: StackFile,
-    samples: int,
-    contestants: Sequence[Contestant],
-    seed: int,
-    starts: int,
+    subject: Subject, samples: int, contestants: Sequence[Contestant], seed: int, starts: int
 ) -> dict[str, Any]:
-    path = pathlib.Path(model)
-    content = hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.is_file() else "one of the library's own"
     return {
         "kind": "stress",
-        "model": os.fspath(model),
-        "model content": content,
-        "stack": file.text,
+        **subject.description(),
         "samples": samples,
         "contestants": {contestant.label: repr(contestant.solver) for contestant in contestants},
         "seed": seed,

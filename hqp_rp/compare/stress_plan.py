@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import itertools
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from hqp_rp.compare.contestants import Contestant
+from hqp_rp.compare.stress_subject import Subject
 from hqp_rp.control._sampling import Sampler
 from hqp_rp.control.catalogue import ApproachPath, approach_path, tasks_only
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.singularities import SingularConfiguration
 from hqp_rp.control.stack import Stack
-from hqp_rp.control.stack_file import StackFile, parse_stack
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
-from hqp_rp.robot.named import named_robot
 from hqp_rp.robot.robot import Robot
 
 RANDOM, LIMITS, APPROACH = "random", "limits", "approach"
@@ -77,13 +78,12 @@ class Plan:
     """A whole stress test: a worker that has it and a chunk's index makes that chunk's rows, and nothing else decides them.
 
     Attributes:
-        model: what `named_robot` takes. stack: the stack file.
+        subject: the robot and its stack.
         contestants: who solves. samples: how many in all. seed: of every draw.
         places: the atlas: singular configurations that can be approached.
     """
 
-    model: str
-    stack: StackFile
+    subject: Subject
     contestants: tuple[Contestant, ...]
     samples: int
     seed: int
@@ -128,12 +128,27 @@ class Plan:
         turns = itertools.zip_longest(*groups.values())
         return tuple(i for turn in turns for i in turn if i is not None)
 
+    @property
+    def model(self) -> str:
+        """What reports call the robot."""
+        return self.subject.model
+
+    @property
+    def stack(self) -> Subject:
+        """What reports say of the stack: its `origin` and its `text`."""
+        return self.subject
+
     def scene(self) -> Scene:
         """The robot and its stack, built once in each process."""
-        return _scene(self.model, self.stack.text, self.stack.origin)
+        with quiet():
+            return scene_of(self.subject)
 
     def samples_of(self, chunk: Chunk) -> Samples:
         """The samples of a chunk; they depend on the plan and the chunk's index only."""
+        with quiet():
+            return self._samples_of(chunk)
+
+    def _samples_of(self, chunk: Chunk) -> Samples:
         scene = self.scene()
         none = np.full(chunk.count, -1)
         if chunk.kind == APPROACH:
@@ -224,10 +239,18 @@ class Scene:
         return None
 
 
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Nothing is said again: what a model and its stack warn of was said where the test was started."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
+
+
 @functools.lru_cache(maxsize=2)
-def _scene(model: str, text: str, origin: str) -> Scene:
-    robot, stack = named_robot(model), parse_stack(text, origin)
-    return Scene(robot, stack.stack(robot), stack.dt)
+def scene_of(subject: Subject) -> Scene:
+    """The robot and its stack, built once in each process. Errors and warnings as `Subject.build`."""
+    return Scene(*subject.build(), subject.dt)
 
 
 def approachable(scene: Scene, places: Sequence[SingularConfiguration]) -> tuple[SingularConfiguration, ...]:

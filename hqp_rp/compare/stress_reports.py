@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 from hqp_rp.compare.stress import CLOSED_FORMS, stress
 from hqp_rp.compare.stress_atlas import NAME as ATLAS
+from hqp_rp.core.paths import user_path
 
 KEPT = ("report.md", "figures", ATLAS)
 FOLDER = pathlib.Path("docs/reports")
@@ -65,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m hqp_rp.compare.stress_reports", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(STUDIES)}; default all")
-    parser.add_argument("--folder", type=pathlib.Path, default=FOLDER)
+    parser.add_argument("--folder", type=user_path, default=FOLDER)
     given = parser.parse_args(arguments)
     unknown = sorted(set(given.names) - set(STUDIES))
     if unknown:

@@ -11,14 +11,17 @@ import polars as pl
 from hqp_rp.compare.machine import usable_cores
 from hqp_rp.compare.run import one_thread_each, progress_bar
 from hqp_rp.compare.run_folder import RunFolder
-from hqp_rp.compare.stress_plan import Plan
+from hqp_rp.compare.stress_plan import Plan, quiet, scene_of
 from hqp_rp.compare.stress_rows import chunk_rows
+from hqp_rp.compare.stress_subject import Subject
+from hqp_rp.control.singularities import SingularConfiguration, Start, refine_starts
 from hqp_rp.core.errors import MissingExtraError, SettingError
 
 Finished: TypeAlias = Iterator[tuple[int, pl.DataFrame]]
 
 _CONNECT = 10.0  # s
 _RETRIES = 3
+_STARTS = 4  # of the search for singularities, that a worker takes at a time
 
 
 def key(index: int) -> str:
@@ -50,6 +53,38 @@ def run_chunks(
         for index, frame in finished:
             folder.save(key(index), frame)
             advance(plan.chunks[index].count, plan.chunks[index].kind)
+
+
+def run_starts(
+    subject: Subject, seed: int, jobs: Sequence[Start], *, workers: int | None = None, progress: bool = False
+) -> Iterator[SingularConfiguration | None]:
+    """What `refine_starts` makes of each start, in their order, over worker processes; other arguments as `run_chunks`."""
+    blocks = [jobs[i : i + _STARTS] for i in range(0, len(jobs), _STARTS)]
+    names = scene_of(subject).tasks.names
+    workers = min(workers or usable_cores(), len(blocks))
+    with progress_bar(progress, len(jobs), 0, "starts") as advance:
+        for block, refined in zip(blocks, _refined_blocks(subject, seed, blocks, workers), strict=True):
+            advance(len(block), f"singularities of {names[block[-1][0]]}")
+            yield from refined
+
+
+def _refined_blocks(
+    subject: Subject, seed: int, blocks: Sequence[Sequence[Start]], workers: int
+) -> Iterator[list[SingularConfiguration | None]]:
+    if workers == 1:
+        yield from (_refined(subject, seed, block) for block in blocks)
+        return
+    import joblib
+
+    with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
+        pool = joblib.Parallel(n_jobs=workers, return_as="generator", batch_size=1, pre_dispatch="2*n_jobs")
+        yield from pool(joblib.delayed(_refined)(subject, seed, block) for block in blocks)
+
+
+def _refined(subject: Subject, seed: int, block: Sequence[Start]) -> list[SingularConfiguration | None]:
+    with quiet():
+        scene = scene_of(subject)
+        return list(refine_starts(scene.robot, scene.tasks, block, seed=seed, thorough=True, dt=scene.dt))
 
 
 def _by_joblib(plan: Plan, left: Sequence[int], workers: int) -> Finished:

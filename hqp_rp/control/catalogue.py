@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import overload
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector
 from hqp_rp.control.limit import Limit
-from hqp_rp.control.singularities import SingularConfiguration, Walk, check, search_singularities
+from hqp_rp.control.singularities import SingularConfiguration, Start, Walk, check, search_singularities
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.errors import SettingError
@@ -111,6 +111,7 @@ def find_singularities(
     clearance: float = 0.02,
     separation: float = 0.05,
     dt: float | None = None,
+    refined: Callable[[Sequence[Start]], Iterable[SingularConfiguration | None]] | None = None,
 ) -> Catalogue:
     """Search for the configurations where levels of `stack` lose rank, within the joint limits of `robot`.
 
@@ -131,6 +132,7 @@ def find_singularities(
         level: index of one level, from 0; None searches every level. kinds: what to return.
         starts, seed, tolerance, clearance, separation: as in `search_singularities`.
         dt: s, for stacks that need it (tasks of mink).
+        refined: what refines the starts, as in `search_singularities`; of `tasks_only(stack)`, thoroughly.
 
     Raises:
         SettingError: a level that the stack does not have, a setting out of its range, or a stack without tasks.
@@ -161,6 +163,7 @@ def find_singularities(
         separation=separation,
         thorough=True,
         dt=dt,
+        refined=refined,
     )
     found = [dataclasses.replace(place, level=index[place.level]) for place in found]
     order = {kind: i for i, kind in enumerate(KINDS)}

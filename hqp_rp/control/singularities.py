@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from hqp_rp.control._bounded_step import levenberg_marquardt_step, room
 from hqp_rp.control._coordinates import coordinate_index
-from hqp_rp.control._sampling import random_configurations, within_limits
+from hqp_rp.control._sampling import Sampler, random_configurations, within_limits
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.diagnostics import Singularity, remaining, spectra, two_norm
 from hqp_rp.core.errors import SettingError
@@ -29,6 +31,9 @@ _KEPT = 0.1  # a step is taken where it keeps this share of the fall that it pro
 _LEAST_FALL = 1e-3  # share of sigma^2
 _ATTEMPTS = 9
 _SAMPLES_FOR_RANK = 8
+
+Start: TypeAlias = tuple[int, int]
+"""Index of a level, and number of a start."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +90,7 @@ def search_singularities(
     separation: float = 0.05,
     thorough: bool = False,
     dt: float | None = None,
+    refined: Callable[[Sequence[Start]], Iterable[SingularConfiguration | None]] | None = None,
 ) -> list[SingularConfiguration]:
     """Singular configurations of `stack` within the joint limits of `robot`, in the order in which they are found.
 
@@ -103,6 +109,7 @@ def search_singularities(
         separation: rad or m, least distance between two that are returned, in the largest difference of a joint.
         thorough: where Newton's steps fail, go on with damped steps within the limits; see `refine_singularity`.
         dt: s, for stacks that need it.
+        refined: what refines the starts, each (level, number), in this order, such as `refine_starts` over processes.
 
     Raises:
         SettingError: a level that the stack does not have, a setting out of its range, or a stack with limits, whose
@@ -119,24 +126,46 @@ def search_singularities(
         check_level(stack, level)
     before = robot.q
     found: list[SingularConfiguration] = []
+    jobs: list[Start] = []
     try:
         for k in range(len(stack.names)) if level is None else (level,):
             if k == 0 and not {Singularity.KINEMATIC, Singularity.BOTH} & set(kinds):
                 continue  # nothing comes before the first level
-            for start in random_configurations(robot, starts, seed):
-                candidate = refine_singularity(robot, stack, start, k, tolerance=tolerance, thorough=thorough, dt=dt)
-                if (
-                    candidate is None
-                    or candidate.kind not in kinds
-                    or candidate.earlier_sigma < clearance
-                    or (candidate.kind is Singularity.ALGORITHMIC and candidate.own_sigma < clearance)
-                ):
-                    continue
-                if all(other.level != k or _apart(robot, other.q, candidate.q) >= separation for other in found):
-                    found.append(candidate)
+            jobs += [(k, s) for s in range(starts)]
+        if refined is None:
+            refined = functools.partial(
+                refine_starts, robot, stack, seed=seed, tolerance=tolerance, thorough=thorough, dt=dt
+            )
+        for (k, _), candidate in zip(jobs, refined(jobs), strict=True):
+            if (
+                candidate is None
+                or candidate.kind not in kinds
+                or candidate.earlier_sigma < clearance
+                or (candidate.kind is Singularity.ALGORITHMIC and candidate.own_sigma < clearance)
+            ):
+                continue
+            if all(other.level != k or _apart(robot, other.q, candidate.q) >= separation for other in found):
+                found.append(candidate)
     finally:
         robot.update(before)
     return found
+
+
+def refine_starts(
+    robot: Robot,
+    stack: Stack,
+    jobs: Iterable[Start],
+    *,
+    seed: int,
+    tolerance: float = 1e-13,
+    thorough: bool = False,
+    dt: float | None = None,
+) -> Iterator[SingularConfiguration | None]:
+    """What `refine_singularity` makes of each start (level, number), one after the other; the robot is moved about."""
+    sampler = Sampler(robot)
+    for k, s in jobs:
+        start = sampler.uniform(np.random.default_rng((seed, s)))
+        yield refine_singularity(robot, stack, start, k, tolerance=tolerance, thorough=thorough, dt=dt)
 
 
 def refine_singularity(

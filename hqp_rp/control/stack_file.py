@@ -1,4 +1,4 @@
-"""A stack as a small TOML file: levels of tasks and limits, most important first, and hard limits."""
+"""A stack as a small TOML file: levels of tasks and limits, most important first, hard limits, and on which robot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from hqp_rp.control.center_of_mass_task import center_of_mass
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
 from hqp_rp.core.errors import FileError, HqpError, SettingError, unknown_name, unknown_setting
+from hqp_rp.core.paths import user_path
 from hqp_rp.robot.robot import Robot
+from hqp_rp.robot.robot_source import RobotSource, robot_table
 
 EXAMPLES = pathlib.Path(__file__).with_name("stacks")
 """The folder of the stack files that come with the library."""
@@ -51,7 +53,7 @@ LIMITS = {
 }
 """Type in the file -> the limit's class in `hqp_rp.control`; its arguments are the keys of the table."""
 
-_TOP = ("dt", "level", "limit")
+_TOP = ("dt", "robot", "level", "limit")
 _LEVEL = ("name", "damping", "task", "limit")
 _DAMPING: dict[str, Any] = {
     "constant": ConstantDamping,
@@ -76,11 +78,30 @@ class StackFile:
     _levels: tuple[tuple[str, tuple[Item, ...]], ...]
     _limits: tuple[Item, ...]
     _damping: tuple[LevelDamping | None, ...] = ()
+    _robot: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def has_limits(self) -> bool:
         """Whether there is a limit, hard or at a level."""
         return bool(self._limits) or any(item.kind == "limit" for _, items in self._levels for item in items)
+
+    def robot_source(self, model: str | os.PathLike[str] | None = None, **given: Any) -> RobotSource:
+        """The robot that the table [robot] says; what is given here counts before it.
+
+        Raises:
+            SettingError: neither says a model, or a key that there is not, or a value of the wrong kind.
+            RobotError: arguments for a robot that is no file.
+        """
+        values = dict(self._robot) | given | ({} if model is None else {"model": os.fspath(model)})
+        if "model" not in values:
+            raise SettingError(
+                f"{self.origin} says no robot: give an MJCF or URDF file or the name of a robot, or write it into the stack "
+                'file, under [robot], as model = "FILE".'
+            )
+        try:
+            return RobotSource.of(values)
+        except HqpError as error:
+            raise error if given or model is not None else _told(error, f"{self.origin}: robot") from None
 
     def stack(self, robot: Robot) -> Stack:
         """The stack for `robot`. A target that the file leaves out is what the robot has at its neutral configuration.
@@ -146,7 +167,7 @@ def load_stack(source: str | os.PathLike[str]) -> StackFile:
         UnknownNameError: an unknown type of task or limit; the message lists the ones there are.
     """
     text = os.fspath(source)
-    path = pathlib.Path(text)
+    path = user_path(text)
     if not path.suffix and path.parent == pathlib.Path(".") and not path.exists():
         own = sorted(example.stem for example in EXAMPLES.glob("*.toml"))
         if text not in own:
@@ -160,11 +181,15 @@ def load_stack(source: str | os.PathLike[str]) -> StackFile:
         raise FileError(f"{path}: there is no such stack file.") from None
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"{path}: the stack file cannot be read ({error}).") from error
-    return parse_stack(content, text)
+    return parse_stack(content, text, path.parent)
 
 
-def parse_stack(text: str, origin: str = "the stack") -> StackFile:
-    """The stack that this TOML text describes; `origin` is what errors call it. Errors as `load_stack`."""
+def parse_stack(text: str, origin: str = "the stack", folder: str | os.PathLike[str] = ".") -> StackFile:
+    """The stack that this TOML text describes; errors as `load_stack`.
+
+    Args:
+        origin: what errors call it. folder: where the relative paths of its [robot] begin.
+    """
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -189,10 +214,20 @@ def parse_stack(text: str, origin: str = "the stack") -> StackFile:
     if not levels:
         raise SettingError(f"{origin}: there is no level; give at least one [[level]] with a [[level.task]].")
     hard = _items(content, "limit", "hard", origin)
-    stack = StackFile(origin, text, _dt(content, origin), tuple(levels), hard, tuple(damping))
+    robot = _robot(content.get("robot", {}), origin, pathlib.Path(folder))
+    stack = StackFile(origin, text, _dt(content, origin), tuple(levels), hard, tuple(damping), robot)
     if stack.has_limits and stack.dt is None:
         raise SettingError(f"{origin}: limits need the time step; write dt = 0.01 (in s) above the first level.")
     return stack
+
+
+def _robot(values: Any, origin: str, folder: pathlib.Path) -> dict[str, Any]:
+    if not isinstance(values, dict):
+        raise SettingError(f'{origin}: robot is {values!r}; write a table, [robot], with model = "FILE" below it.')
+    try:
+        return robot_table(values, folder)
+    except HqpError as error:
+        raise _told(error, f"{origin}: robot") from None
 
 
 def _items(table: Mapping[str, Any], kind: str, where: str, origin: str) -> tuple[Item, ...]:

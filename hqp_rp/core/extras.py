@@ -12,7 +12,7 @@ _EXTRA_OF = {
     "mujoco": "mujoco",
     "pinocchio": "pinocchio",
 }
-_REPORT = ("jinja2", "joblib", "matplotlib", "plotly", "polars", "rich", "tyro")
+_REPORT = ("jinja2", "joblib", "matplotlib", "plotly", "polars", "rich", "tyro", "cloudpickle")
 
 
 def require(what: str, *modules: str) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from hqp_rp.core.damping import LevelDamping, NoDamping, damping_of
 from hqp_rp.core.errors import FileError, ProblemError, SettingError
+from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import Level, Problem
 
 FORMAT = "hqp_rp problem"
@@ -41,7 +42,7 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
         FileError: the file cannot be written; the message names it.
         SettingError: a metadata value that JSON cannot hold.
     """
-    target = pathlib.Path(path)
+    target = user_path(path)
     arrays: dict[str, Any] = {
         "format": np.array(FORMAT),
         "version": np.array(version_of(problem)),
@@ -96,7 +97,7 @@ def load_metadata(path: PathLike) -> dict[str, Any]:
 
 
 def _read(path: PathLike) -> tuple[Problem, dict[str, Any]]:
-    source = pathlib.Path(path)
+    source = user_path(path)
     try:
         data = source.read_bytes()
     except FileNotFoundError:

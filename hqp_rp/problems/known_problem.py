@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import pathlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hqp_rp.core.errors import FileError
 from hqp_rp.core.io import FORMAT, PathLike, load_problem, version_of
+from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray, Problem
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def to_arrays(known: KnownProblem) -> dict[str, Any]:
 
 def load_known(path: PathLike) -> KnownProblem:
     """The problem in a file of the set. Raises `FileError`, which names the file, when it is none."""
-    source = pathlib.Path(path)
+    source = user_path(path)
     problem = load_problem(source)
     with np.load(source, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}

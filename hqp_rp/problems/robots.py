@@ -17,6 +17,7 @@ import numpy as np
 
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.errors import RobotError
+from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.problems.recipe import Draw
 from hqp_rp.robot.arms import sawyer
@@ -137,7 +138,7 @@ def load_snapshot() -> Snapshot:
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command: remake `robots.npz`; without a humanoid's file its part is kept as it is."""
     parser = argparse.ArgumentParser(prog="python -m hqp_rp.problems.robots", description=__doc__)
-    parser.add_argument("--humanoid", type=pathlib.Path, help="apptronik_apollo.xml, with its meshes beside it")
+    parser.add_argument("--humanoid", type=user_path, help="apptronik_apollo.xml, with its meshes beside it")
     given = parser.parse_args(arguments)
     old = load_snapshot() if SNAPSHOT.exists() else {}
     if given.humanoid is None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hqp_rp.robot.mujoco_robot import MujocoRobot
     from hqp_rp.robot.pinocchio_robot import PinocchioRobot
     from hqp_rp.robot.robot import Robot
+    from hqp_rp.robot.robot_source import RobotSource
 
 __all__ = [
     "Coupling",
@@ -26,6 +27,7 @@ __all__ = [
     "MujocoRobot",
     "PinocchioRobot",
     "Robot",
+    "RobotSource",
     "arm_spec",
     "frame_batch",
     "load_robot",
@@ -43,6 +45,7 @@ _LAZY = {
     "MujocoRobot": "mujoco_robot",
     "PinocchioRobot": "pinocchio_robot",
     "Robot": "robot",
+    "RobotSource": "robot_source",
     "arm_spec": "mujoco_arm",
     "load_robot": "model_file",
     "planar_arm": "arms",

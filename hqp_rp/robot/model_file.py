@@ -1,4 +1,4 @@
-"""Robot model files: which format a file is, what MuJoCo makes of it, and one call that loads either into a robot."""
+"""Robot model files: which format a file is, what a URDF says, and one call that loads either into a robot."""
 
 from __future__ import annotations
 
@@ -7,19 +7,17 @@ import math
 import os
 import re
 import warnings
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterable, Mapping
+from typing import Literal
 from xml.etree import ElementTree
 
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.core.paths import user_path
 from hqp_rp.robot.coupling import Coupling
-from hqp_rp.robot.inertia import repair
+from hqp_rp.robot.mesh_files import Meshes
 from hqp_rp.robot.robot import Robot
-
-if TYPE_CHECKING:
-    import mujoco
 
 Path = str | os.PathLike[str]
 
@@ -31,7 +29,8 @@ def load_robot(
     library: str = "mujoco",
     *,
     floating_base: bool = False,
-    meshes: bool = True,
+    meshes: Meshes = True,
+    package_paths: Iterable[Path] = (),
     repair_inertias: bool = False,
     velocity_limit: ArrayLike | Mapping[str, float] | None = None,
     neutral: ArrayLike | str | None = None,
@@ -41,12 +40,12 @@ def load_robot(
     Args:
         path: the file; its root element (`<mujoco>` or `<robot>`) says which format it is.
         library: "mujoco" or "pinocchio".
-        floating_base, meshes, repair_inertias, velocity_limit, neutral: as in `MujocoRobot.from_file`.
+        floating_base, meshes, package_paths, repair_inertias, velocity_limit, neutral: as in `MujocoRobot.from_file`.
 
     Raises:
         RobotError: no such file, a file that the library does not read (with its message), or an argument that does not
             fit the robot.
-        UnknownNameError: another library.
+        SettingError: `meshes` or `package_paths` that are none. UnknownNameError: another library.
     """
     if library not in ("mujoco", "pinocchio"):
         raise unknown_name("robot library", library, ("mujoco", "pinocchio"))
@@ -58,6 +57,7 @@ def load_robot(
         path,
         floating_base=floating_base,
         meshes=meshes,
+        package_paths=package_paths,
         repair_inertias=repair_inertias,
         velocity_limit=velocity_limit,
         neutral=neutral,
@@ -67,7 +67,7 @@ def load_robot(
 def file_format(path: Path) -> Literal["mjcf", "urdf"]:
     """Which of the two formats the file is, by its root element. Raises `RobotError` when it is neither, or absent."""
     try:
-        with open(path, "rb") as file:
+        with open(user_path(path), "rb") as file:
             text = file.read().decode("utf-8", errors="replace")
     except OSError as error:
         raise RobotError(f"The robot file {os.fspath(path)!r} cannot be read: {error.strerror}.") from error
@@ -187,76 +187,18 @@ def _number(path: Path, joint: str, what: str, value: str) -> float:
     )
 
 
-def mujoco_spec(
-    path: Path, *, floating_base: bool = False, meshes: bool = True, repair_inertias: bool = False
-) -> mujoco.MjSpec:
-    """The editable MuJoCo model of an MJCF or URDF file, with every link of a URDF kept as a body of its own.
-
-    Args as `MujocoRobot.from_file`. Raises `RobotError`.
-    """
-    import mujoco
-
-    urdf = file_format(path) == "urdf"
-    if floating_base and not urdf:
-        raise RobotError(
-            f"floating_base is for URDF files; the MJCF file {os.fspath(path)!r} says with <freejoint/> what floats."
-        )
-    if urdf:
-        parse_urdf(path)
-    if not os.fspath(path).endswith((".xml", ".urdf")):
-        raise RobotError(f"MuJoCo reads only files whose name ends in .xml or .urdf: rename {os.fspath(path)!r}.")
-    try:
-        spec = mujoco.MjSpec.from_file(os.fspath(path))
-    except ValueError as error:
-        raise RobotError(f"MuJoCo does not read {os.fspath(path)!r}: {one_line(error)}") from error
-    if urdf:
-        # MuJoCo merges links behind fixed joints into their parents by default; their frames (tools) would be lost.
-        spec.compiler.fusestatic = False
-        # It also gives a link without <inertial> the mass of its geometry as if of water; the file says none.
-        spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-        for coupling in urdf_mimics(path):
-            if coupling.source is None:  # MuJoCo leaves out what follows a fixed joint
-                held = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=coupling.joint)
-                held.data[:5] = (*coupling.coefficients, 0.0, 0.0, 0.0, 0.0)
-    if floating_base:
-        require_floatable(path)
-        for body in spec.worldbody.bodies:
-            body.add_freejoint(name="root_joint")
-    if not meshes:
-        _drop_meshes(spec, path)
-    if repair_inertias:
-        repair(spec)
-    return spec
-
-
-def mujoco_model(
-    path: Path, *, floating_base: bool = False, meshes: bool = True, repair_inertias: bool = False
-) -> mujoco.MjModel:
-    """The compiled MuJoCo model of an MJCF or URDF file. Args as `MujocoRobot.from_file`. Raises `RobotError`."""
-    spec = mujoco_spec(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        hint = ""
-        if "inertia" in str(error) and not repair_inertias:
-            hint = " repair_inertias=True makes the least change that MuJoCo accepts."
-        elif meshes and spec.meshes:
-            hint = " Its mesh files can be left out with meshes=False."
-        raise RobotError(f"MuJoCo does not compile {os.fspath(path)!r}: {one_line(error)}{hint}") from error
-    if file_format(path) == "urdf":  # MuJoCo takes equal limits for none, and one of two for none
-        for name, limits in urdf_position_limits(path).items():
-            joint = model.joint(name).id
-            if not model.jnt_limited[joint]:
-                model.jnt_range[joint], model.jnt_limited[joint] = limits, 1
-    return model
-
-
 def parse_urdf(path: Path) -> ElementTree.Element:
-    """The root element of a URDF file. Raises `RobotError` with line and column where it is not well-formed XML."""
+    """The root element of a URDF file. Raises `RobotError` where it has no link or is not well-formed XML (with line)."""
     try:
-        return ElementTree.parse(path).getroot()
+        root = ElementTree.parse(user_path(path)).getroot()
     except ElementTree.ParseError as error:
         raise RobotError(f"The URDF file {os.fspath(path)!r} is not well-formed XML: {error}.") from error
+    if root.find("link") is None:
+        raise RobotError(
+            f"The URDF file {os.fspath(path)!r} has no <link>, so it is no robot; of a xacro file, give "
+            "what `xacro FILE` prints."
+        )
+    return root
 
 
 def require_floatable(path: Path) -> None:
@@ -273,20 +215,3 @@ def one_line(error: Exception) -> str:
     """The message of a library's error on one line, ended by a full stop."""
     text = " ".join(str(error).split())
     return text if text.endswith(".") else text + "."
-
-
-def _drop_meshes(spec: mujoco.MjSpec, path: Path) -> None:
-    import mujoco
-
-    kinds = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
-    for geom in [geom for geom in spec.geoms if geom.type in kinds or geom.meshname]:
-        body = geom.parent
-        from_geometry = spec.compiler.inertiafromgeom != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-        if from_geometry and body.name != "world" and not body.explicitinertial and geom.mass != 0.0 and geom.density:
-            raise RobotError(
-                f"The body {body.name!r} of {os.fspath(path)!r} takes its inertia from the mesh {geom.meshname!r}: "
-                "the model cannot be loaded with meshes=False."
-            )
-        spec.delete(geom)
-    for mesh in list(spec.meshes):
-        spec.delete(mesh)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.core import _native
 from hqp_rp.core.errors import RobotError
+from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.coupling import couplings_of, limited_balls
 from hqp_rp.robot.dh import DHArm
@@ -25,8 +26,10 @@ from hqp_rp.robot.frames import (
     require_joints,
     require_velocity,
 )
-from hqp_rp.robot.model_file import Path, file_format, mujoco_model, one_line, urdf_velocity_limits
+from hqp_rp.robot.mesh_files import Meshes
+from hqp_rp.robot.model_file import Path, file_format, one_line, urdf_velocity_limits
 from hqp_rp.robot.mujoco_arm import arm_spec
+from hqp_rp.robot.mujoco_file import mujoco_model
 from hqp_rp.robot.mujoco_frames import MujocoFrames, kinematics_of
 from hqp_rp.robot.mujoco_model import geometry, keyframe, model_name, position_limits, quaternions, scalar_coordinates
 from hqp_rp.robot.mujoco_surroundings import MujocoSurroundings
@@ -133,7 +136,8 @@ class MujocoRobot(MujocoSurroundings):
         path: Path,
         *,
         floating_base: bool = False,
-        meshes: bool = True,
+        meshes: Meshes = True,
+        package_paths: Iterable[Path] = (),
         repair_inertias: bool = False,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
         neutral: ArrayLike | str | None = None,
@@ -144,7 +148,11 @@ class MujocoRobot(MujocoSurroundings):
             path: the file. Of a URDF every link stays a frame, those behind fixed joints included; its velocity limits
                 are read, and a link without `<inertial>` has no mass, whatever its geometry.
             floating_base: for a URDF, give the root link a free joint "root_joint".
-            meshes: False leaves out the geoms that need mesh files, and the files need not be there.
+            meshes: False leaves out the geoms that need mesh files, and the files need not be there; "if found" leaves out
+                those whose file is not there, or that MuJoCo does not read, and says so in one warning. Meshes matter for
+                collision distances, and for inertias that an MJCF takes from them.
+            package_paths: folders where the packages of `package://PACKAGE/FILE` are, before the folders above the file,
+                ROS_PACKAGE_PATH and AMENT_PREFIX_PATH.
             repair_inertias: True replaces inertias that MuJoCo refuses (not positive, or against A + B >= C) by the
                 nearest it accepts, and gives massless moving links 1e-12 kg.
             velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
@@ -156,12 +164,20 @@ class MujocoRobot(MujocoSurroundings):
         Raises:
             RobotError: no such file, a file that MuJoCo does not read or compile (with its message), or an argument
                 that does not fit; a URDF joint with lower > upper or a negative velocity limit.
+            SettingError: `meshes` is none of the three, or a package path is no folder.
 
         Warns:
             UserWarning: a URDF joint with velocity limit 0, which may not move, with one limit, stated as 0, or that mimics
                 what cannot be followed; a neutral configuration outside the limits.
         """
-        model = mujoco_model(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
+        path = user_path(path)
+        model = mujoco_model(
+            path,
+            floating_base=floating_base,
+            meshes=meshes,
+            package_paths=package_paths,
+            repair_inertias=repair_inertias,
+        )
         if file_format(path) == "urdf":
             stated = urdf_velocity_limits(path, warn=velocity_limit is None)
             joints = {model.joint(j).name for j in range(model.njnt)}
@@ -183,6 +199,11 @@ class MujocoRobot(MujocoSurroundings):
         except ValueError as error:
             raise RobotError(f"MuJoCo does not compile the model {spec.modelname!r}: {one_line(error)}") from error
         return cls(model, velocity_limit=velocity_limit, neutral=neutral)
+
+    @property
+    def name(self) -> str:
+        """The model's own name."""
+        return model_name(self._model)
 
     @property
     def model(self) -> mujoco.MjModel:

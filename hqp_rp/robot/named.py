@@ -7,6 +7,7 @@ import pathlib
 import re
 
 from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.core.paths import user_path
 from hqp_rp.robot.robot import Robot
 
 ASSETS = pathlib.Path(__file__).with_name("assets")
@@ -20,6 +21,12 @@ ROBOTS = {
 """Name -> what it is, of the robots that need no file."""
 
 _PLANAR = re.compile(r"planar([1-9][0-9]?)")
+
+
+def is_named(model: str | os.PathLike[str]) -> bool:
+    """Whether `model` is the name of one of the library's robots."""
+    text = os.fspath(model)
+    return text in ROBOTS or _PLANAR.fullmatch(text) is not None
 
 
 def named_robot(model: str | os.PathLike[str]) -> Robot:
@@ -47,7 +54,7 @@ def named_robot(model: str | os.PathLike[str]) -> Robot:
         return dual_arm(sawyer())
     if text == "humanoid":
         return _humanoid()
-    path = pathlib.Path(text)
+    path = user_path(text)
     if not path.exists():
         if path.suffix or path.parent != pathlib.Path("."):
             raise RobotError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError
+from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.coupling import couplings_of, limited_balls
 from hqp_rp.robot.dh import DHArm
 from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen, require_joints, require_velocity
+from hqp_rp.robot.mesh_files import Meshes, checked_folders, checked_meshes
 from hqp_rp.robot.model_file import (
     Path,
     file_format,
-    mujoco_model,
     one_line,
     parse_urdf,
     require_floatable,
@@ -27,6 +28,7 @@ from hqp_rp.robot.model_file import (
     urdf_velocity_limits,
 )
 from hqp_rp.robot.model_robot import ModelRobot
+from hqp_rp.robot.mujoco_file import mujoco_model
 from hqp_rp.robot.mujoco_model import keyframe, position_limits
 from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
 
@@ -130,7 +132,8 @@ class PinocchioRobot(ModelRobot):
         path: Path,
         *,
         floating_base: bool = False,
-        meshes: bool = True,
+        meshes: Meshes = True,
+        package_paths: Iterable[Path] = (),
         repair_inertias: bool = False,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
         neutral: ArrayLike | str | None = None,
@@ -145,7 +148,7 @@ class PinocchioRobot(ModelRobot):
         Args:
             path: the file.
             floating_base: for a URDF, put the root link on a free flyer "root_joint".
-            meshes: False reads an MJCF without its mesh files; a URDF's are never needed here.
+            meshes, package_paths: for an MJCF, as in `MujocoRobot.from_file`; a URDF's mesh files are never needed here.
             repair_inertias: for an MJCF, as in `MujocoRobot.from_file`; Pinocchio takes a URDF's inertias as they are.
             velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
             neutral: (nq,) the reference configuration, or the name of an MJCF's keyframe; default MuJoCo's `qpos0`, or
@@ -158,8 +161,16 @@ class PinocchioRobot(ModelRobot):
         Warns:
             UserWarning: as `MujocoRobot.from_file`.
         """
+        checked_meshes(meshes)
+        path, folders = user_path(path), checked_folders(package_paths)
         if file_format(path) == "mjcf":
-            source = mujoco_model(path, floating_base=floating_base, meshes=meshes, repair_inertias=repair_inertias)
+            source = mujoco_model(
+                path,
+                floating_base=floating_base,
+                meshes=meshes,
+                package_paths=folders,
+                repair_inertias=repair_inertias,
+            )
             return cls.from_mujoco(source, velocity_limit=velocity_limit, neutral=neutral)
         parse_urdf(path)
         urdf_velocity_limits(path, warn=velocity_limit is None)
@@ -208,6 +219,11 @@ class PinocchioRobot(ModelRobot):
         robot._lower, robot._upper = position_limits(source)
         robot._begin_at(neutral)
         return robot
+
+    @property
+    def name(self) -> str:
+        """The model's own name."""
+        return str(self._model.name)
 
     @property
     def model(self) -> Any:

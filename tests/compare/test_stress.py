@@ -20,6 +20,7 @@ from hqp_rp.compare.stress_atlas import load_atlas, save_atlas
 from hqp_rp.compare.stress_judge import REFERENCES, along_paths, level_errors, references
 from hqp_rp.compare.stress_plan import APPROACH, FAR, LIMITS, NEAR, RANDOM, STEPS, Plan, Scene, approachable
 from hqp_rp.compare.stress_rows import chunk_rows
+from hqp_rp.compare.stress_subject import subject_of
 from hqp_rp.compare.stress_summary import BINS, quantile, sigma_bins, sigma_of_bins, value_bins
 from hqp_rp.compare.stress_worst import spelled
 from hqp_rp.control.catalogue import find_singularities
@@ -38,7 +39,7 @@ def small_plan(samples: int = 270, seed: int = 0, stack: str = "planar4", solver
     robot = named_robot(stack.removesuffix("_limits"))
     built = file.stack(robot)
     places = find_singularities(robot, built, starts=6, dt=file.dt).places
-    plan = Plan(stack.removesuffix("_limits"), file, choose_contestants(solvers), samples, seed, places)
+    plan = Plan(subject_of(stack.removesuffix("_limits"), file), choose_contestants(solvers), samples, seed, places)
     return dataclasses.replace(plan, places=approachable(plan.scene(), places))
 
 
@@ -293,12 +294,12 @@ def test_the_atlas_comes_back_to_the_last_bit(plan: Plan, tmp_path: pathlib.Path
         ({"seed": -1}, SettingError, "seed is -1"),
         ({"starts": 0}, SettingError, "starts is 0"),
         ({"workers": 0}, SettingError, "workers is 0"),
-        ({"model": "sawyr"}, UnknownNameError, "Did you mean 'sawyer'"),
-        ({"model": "/none.xml"}, RobotError, "'/none.xml' does not exist"),
+        ({"robot": "sawyr"}, UnknownNameError, "Did you mean 'sawyer'"),
+        ({"robot": "/none.xml"}, RobotError, "'/none.xml' does not exist"),
         ({"stack": "none"}, FileError, "no such stack file"),
         ({"stack": "dual_sawyer"}, RobotError, "dual_sawyer: level 1, task 1 .*right_tool"),
         ({"solvers": ["null_spac"]}, UnknownNameError, "Did you mean 'null_space'"),
-        ({"stack": "sawyer_limits", "model": "sawyer"}, SettingError, "No solver takes this stack"),
+        ({"stack": "sawyer_limits", "robot": "sawyer"}, SettingError, "No solver takes this stack"),
         ({"dask": "tcp://127.0.0.1:1"}, SettingError, "no scheduler answers there"),
     ],
 )
@@ -306,9 +307,9 @@ def test_wrong_input_is_named_before_any_work(
     changed: dict[str, Any], error: type[HqpError], words: str, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("hqp_rp.compare.stress_run._CONNECT", 0.5)
-    given = {"model": "planar4", "stack": "planar4", "solvers": ["null_space"], "output": tmp_path / "out"} | changed
+    given = {"robot": "planar4", "stack": "planar4", "solvers": ["null_space"], "output": tmp_path / "out"} | changed
     with pytest.raises(error, match=words):
-        stress(given.pop("model"), given.pop("stack"), **given)
+        stress(given.pop("robot"), given.pop("stack"), **given)
     assert not (tmp_path / "out").exists()
 
 
