@@ -96,7 +96,8 @@ class _Adapter:
         return f"{self.library} {type(self._item).__name__}" + ("" if frame is None else f" {frame}")
 
     def _refused(self, problem: Exception) -> SettingError:
-        words = " ".join(str(problem).split()) or type(problem).__name__
+        # Pinocchio puts file and function before its message.
+        words = " ".join(str(problem).split()).rpartition(" message: ")[2] or type(problem).__name__
         return SettingError(f"{self.name}: {words.rstrip('.')}. Set it up as {self.library} asks for.")
 
 

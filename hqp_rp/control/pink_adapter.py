@@ -130,7 +130,7 @@ class PinkConfigurations(Configurations):
     __slots__ = ()
 
     def _made_for(self, robot: Robot) -> Any:
-        model = getattr(robot, "model", None)
+        model: Any = getattr(robot, "model", None)
         if not isinstance(model, pin.Model):
             raise RobotError(
                 f"pink tasks, limits and barriers need a robot that Pinocchio computes; this one is a "
