@@ -11,7 +11,7 @@ from pink.tasks import ComTask, DampingTask, FrameTask, JointVelocityTask, Postu
 import hqp_rp
 from hqp_rp.control import PositionTask, Stack
 from hqp_rp.control.catalogue import tasks_only
-from hqp_rp.core.errors import ProblemError, RobotError
+from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.robot import PinocchioRobot, planar_arm
 from tests.control.pink_scene import DT, FRAMES, away, frame_task, scene
 
