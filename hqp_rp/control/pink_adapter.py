@@ -27,7 +27,7 @@ class PinkTask(DisplacementTask):
 
     The cost (None means 1), gain and target of the pink task may be changed at any time; the next step sees them. Error and
     Jacobian are pink's own, so a task alone in a level has the answer of `pink.solve_ik`. That includes what the tasks
-    leave out, such as the velocities of "root_joint" in a posture, and the sign of `JointVelocityTask`, which up to pink 4.4
+    leave out, such as the velocities of "root_joint" in a posture, and the sign of `JointVelocityTask`, which in pink 4.4
     asks for minus its target.
 
     Args:
