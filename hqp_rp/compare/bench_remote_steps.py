@@ -43,7 +43,7 @@ def remote_steppers(
             theirs = [stepper for stepper in chosen if stepper.peer] if peer == "pink" else []
             problems = (theirs or chosen)[0].problems
             calls = tuple(functools.partial(runner.answer, i) for i in range(len(made.configurations)))
-            words = f"{peer} {runner.version} in an environment of its own, without limits, {_WORDS[peer]}"
+            words = f"{peer} {runner.version} in a process of its own, without limits, {_WORDS[peer]}"
             found.append((Stepper(peer, True, words, calls, lambda v: v, problems), runner))
             found_versions[peer] = runner.version
             break

@@ -1,7 +1,7 @@
 """The rows of many tasks and limits in one matrix, checked: the inner part of `Stack.problem`.
 
 The library's own tasks and joint limits state what they want as numbers, and one native call makes the rows of all of them;
-other tasks and limits, and mink's, give theirs one by one.
+other tasks and limits, and those of mink and pink, give theirs one by one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from hqp_rp.core.threads import in_shares
 from hqp_rp.robot.frames import Point, frames_of
 from hqp_rp.robot.robot import Robot
 
-TASK, LIMIT, MINK_TASK = 0, 1, 2
+TASK, LIMIT, DISPLACEMENT_TASK = 0, 1, 2
 
 Rows: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 Where: TypeAlias = Callable[[Any], str]
@@ -38,7 +38,7 @@ class StackRows:
     """The rows of items on one robot.
 
     Args:
-        items: pairs of a kind (TASK, LIMIT, MINK_TASK) and the item.
+        items: pairs of a kind (TASK, LIMIT, DISPLACEMENT_TASK) and the item.
         robot: whose rows.
         two_sided: whether upper may differ from lower; otherwise it is the same array.
         where: says where an item stands, for errors.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector
+from hqp_rp.control._displacement import is_limit
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.singularities import SingularConfiguration, Start, Walk, check, search_singularities
 from hqp_rp.control.stack import Stack
@@ -131,7 +132,7 @@ def find_singularities(
         stack: tasks in levels. Limits are left out: their rows bind only where they are reached.
         level: index of one level, from 0; None searches every level. kinds: what to return.
         starts, seed, tolerance, clearance, separation: as in `search_singularities`.
-        dt: s, for stacks that need it (tasks of mink).
+        dt: s, for stacks that need it (tasks of mink and pink).
         refined: what refines the starts, as in `search_singularities`; of `tasks_only(stack)`, thoroughly.
 
     Raises:
@@ -290,7 +291,7 @@ def tasks_only(stack: Stack) -> tuple[Stack, list[int]]:
     """The stack without its limits, and which of the given levels each of its levels is."""
     levels, names, index = [], [], []
     for k, items in enumerate(stack.levels):
-        tasks = [item for item in items if not isinstance(item, Limit) and not _is_mink_limit(item)]
+        tasks = [item for item in items if not isinstance(item, Limit) and not is_limit(item)]
         if tasks:
             levels.append(tasks)
             names.append(stack.names[k])
@@ -298,7 +299,3 @@ def tasks_only(stack: Stack) -> tuple[Stack, list[int]]:
     if not levels:
         raise SettingError(f"{stack!r} holds no task; singularities are those of tasks.")
     return Stack(levels, names=names), index
-
-
-def _is_mink_limit(item: object) -> bool:
-    return any(kind.__module__.startswith("mink.limits") for kind in type(item).__mro__)

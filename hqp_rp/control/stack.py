@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
 import math
-import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
 from hqp_rp.control._row_names import row_names
-from hqp_rp.control._stack_rows import LIMIT, MINK_TASK, TASK, StackRows
+from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import FeedbackTask, Task
@@ -23,14 +24,11 @@ from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.robot.robot import Robot
 
-if TYPE_CHECKING:
-    from hqp_rp.control.mink_adapter import Configurations
-
 Item: TypeAlias = Any
-"""A `Task`, a `Limit`, or a task or limit of mink."""
+"""A `Task`, a `Limit`, or a task or limit of mink or pink."""
 
 _LONG = 1.0  # s: what no control loop waits
-_MEANT = "a Task, a Limit, or a task or limit of mink"
+_MEANT = "a Task, a Limit, or a task or limit of mink or pink"
 
 
 class Stack:
@@ -48,13 +46,15 @@ class Stack:
     Args:
         levels: one entry for each level: a task, or a sequence of tasks whose rows are stacked. A limit may stand wherever
             a task may: there it is soft, violated as little as the levels before it allow. Tasks and limits of mink are
-            taken as they are, for robots that MuJoCo computes: see `hqp_rp.control.mink_adapter`.
+            taken as they are, for robots that MuJoCo computes, and those of pink for robots that Pinocchio computes: see
+            `hqp_rp.control.mink_adapter` and `hqp_rp.control.pink_adapter`.
         limits: rows that no answer may violate. A task given here is a hard equality.
         names: one name for each level; by default the names of its tasks.
         damping: a policy for every level, or a list with a policy or None for each: see `hqp_rp.core.level_damping`. A level
             whose target may be out of reach, or whose way may be blocked by limits, needs it: without, the exact answer of
             each step jumps between bounds. `ErrorDamping(0.1)` leaves a target that can be reached alone. Its error is the
-            level's rate, gain times error. None takes over the `lm_damping` of mink's tasks, where they have one.
+            level's rate, gain times error. None takes over the `lm_damping` of tasks of mink and pink, where they
+            have one.
 
     Raises:
         SettingError: no level, an empty level, names or damping that do not fit, or an item that is none of these.
@@ -64,13 +64,13 @@ class Stack:
         "_configurations",
         "_counts",
         "_damping",
+        "_displacement_tasks",
         "_dt",
         "_ends",
         "_hard",
         "_items",
         "_levels",
         "_limits",
-        "_mink_tasks",
         "_names",
         "_needs_dt",
         "_offsets",
@@ -87,7 +87,7 @@ class Stack:
         names: Sequence[str] | None = None,
         damping: LevelDamping | Sequence[LevelDamping | None] | None = None,
     ) -> None:
-        self._configurations: Configurations | None = None
+        self._configurations: dict[str, Configurations] = {}  # by library
         if not isinstance(levels, list | tuple) or not levels:
             raise SettingError(f"levels is {levels!r}; give a list with at least one level, most important first.")
         if not isinstance(limits, list | tuple):
@@ -101,11 +101,11 @@ class Stack:
         self._damping = _level_damping(damping, len(adapted))
         self._policies = self._damping if any(self._damping) else None
         levels_of = [k for k, level in enumerate(adapted) for _ in level]
-        # Of tasks of mink whose own damping counts: level, position among all items, hard ones first, and the task.
-        self._mink_tasks = [
+        # Of tasks of mink and pink whose own damping counts: level, position among all items, hard ones first, and the task.
+        self._displacement_tasks = [
             (k, len(self._hard) + i, item)
             for i, (k, (kind, item)) in enumerate(zip(levels_of, self._items, strict=True))
-            if kind == MINK_TASK and self._damping[k] is None
+            if kind == DISPLACEMENT_TASK and self._damping[k] is None
         ]
         self._names = _level_names(names, adapted)
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
@@ -133,7 +133,7 @@ class Stack:
 
     @property
     def damping(self) -> tuple[LevelDamping | None, ...]:
-        """The damping of each level as it was given; mink's own is not among it."""
+        """The damping of each level as it was given; mink's and pink's own is not among it."""
         return self._damping
 
     def problem(self, robot: Robot, dt: float | None = None, v: ArrayLike | None = None) -> Problem:
@@ -143,8 +143,8 @@ class Stack:
 
         Args:
             robot: at its current configuration; `robot.update(q)` sets it.
-            dt: > 0, s, for how long the answer will be held. Needed by limits and by tasks of mink only. When first given, it
-                is compared with the gains.
+            dt: > 0, s, for how long the answer will be held. Needed by limits and by tasks of mink and pink only. When
+                first given, it is compared with the gains.
             v: (nv,) velocity before this step, rad/s or m/s. Needed by limits on accelerations only.
 
         Raises:
@@ -161,14 +161,14 @@ class Stack:
         if dt is None:
             if self._needs_dt:
                 raise SettingError(
-                    "this stack holds limits or mink tasks, which need the time step: problem(robot, dt)."
+                    "this stack holds limits or tasks of mink or pink, which need the time step: problem(robot, dt)."
                 )
         elif type(dt) is not float or dt != self._dt:
             dt = self._checked_dt(dt)
         if v is not None:
             v = _checked_velocity(v, robot)
-        if self._configurations is not None:
-            self._configurations.expire()
+        for configurations in self._configurations.values():
+            configurations.expire()
 
         matrix, lower, upper = rows.rows(dt, v)
         if rows.counts is not self._counts:
@@ -176,8 +176,8 @@ class Stack:
         equality = not self._two_sided
         offsets, below = self._offsets
         damping = self._policies
-        if self._mink_tasks:
-            damping = self._with_mink(rows, lower, dt)
+        if self._displacement_tasks:
+            damping = self._with_theirs(rows, lower, dt)
         problem = Problem.from_rows(matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping)
         if self._hard:
             counts = rows.counts
@@ -213,7 +213,7 @@ class Stack:
             RobotError: q of another shape or not finite; otherwise as `problem`.
             ProblemError: an item whose number of rows differs between the configurations; otherwise as `problem`.
         """
-        if self._policies or any(task.lm_damping for _, _, task in self._mink_tasks):
+        if self._policies or any(task.lm_damping for _, _, task in self._displacement_tasks):
             raise SettingError(f"{self!r} has damped levels, which a batch cannot hold; call problem() for each q.")
         if self._hard:
             raise SettingError(
@@ -273,11 +273,11 @@ class Stack:
                 )
         return value
 
-    def _with_mink(
+    def _with_theirs(
         self, rows: StackRows, lower: FloatArray, dt: float | None
     ) -> tuple[LevelDamping | None, ...] | None:
-        """The damping of this step: mink's mu = lm_damping |w alpha e|^2 in its unit, where a displacement is v dt."""
-        damped = [(k, i, task.lm_damping) for k, i, task in self._mink_tasks if task.lm_damping]
+        """The damping of this step: their mu = lm_damping |w alpha e|^2 in its unit, where a displacement is v dt."""
+        damped = [(k, i, task.lm_damping) for k, i, task in self._displacement_tasks if task.lm_damping]
         if not damped or dt is None:
             return self._policies
         mu, ends = [0.0] * len(self._damping), np.cumsum(rows.counts)
@@ -358,15 +358,12 @@ class Stack:
 
     def _adapt(self, item: Any, where: str) -> tuple[int, Any]:
         """What kind of item it is, and the item or its adapter."""
-        mink = sys.modules.get("mink")  # whoever holds an object of mink has imported it
-        if mink is not None and type(item).__module__ != "builtins":
-            from hqp_rp.control.mink_adapter import Configurations, MinkTask, adapt
-
-            configurations = self._configurations or Configurations()
-            adapted = adapt(item, configurations)
+        library = library_of(item)
+        if library is not None:  # and only then is it imported
+            adapter = importlib.import_module(f"hqp_rp.control.{library}_adapter")
+            adapted = adapter.adapt(item, self._configurations)
             if adapted is not None:
-                self._configurations = configurations
-                return (MINK_TASK if isinstance(adapted, MinkTask) else LIMIT), adapted
+                return (DISPLACEMENT_TASK if isinstance(adapted, DisplacementTask) else LIMIT), adapted
         if not isinstance(item, type):
             if isinstance(item, Task):
                 return TASK, item

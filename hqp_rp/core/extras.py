@@ -10,6 +10,7 @@ _EXTRA_OF = {
     "flint": "truth",
     "mink": "mink",
     "mujoco": "mujoco",
+    "pink": "pink",
     "pinocchio": "pinocchio",
 }
 _REPORT = ("jinja2", "joblib", "matplotlib", "plotly", "polars", "rich", "tyro", "cloudpickle")
