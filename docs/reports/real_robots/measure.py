@@ -4,14 +4,15 @@
     (unpack the three wheels into MODELS; pink is pin-pink 4.4)
     python docs/reports/real_robots/measure.py MODELS
 
-Every method drives the same robot along the same target: to a place within reach, a rest of 1 s, to a place out of reach, a rest
-of 2 s. All methods of a robot take turns step by step in one process, so that their times are compared under the same load.
+Every method drives the same robot along the same target: to a place within reach, a rest of 1 s, to a place out of reach, a
+rest of 2 s. All methods of a robot take turns step by step in one process: their times are compared under the same load.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import importlib.metadata
+import logging
 import platform
 import sys
 import time
@@ -79,7 +80,9 @@ def path(start: np.ndarray, near: np.ndarray, far: np.ndarray, k: int) -> np.nda
     return start + part(0.0, MOVE) * (near - start) + part(MOVE + REST, AWAY) * (far - near)
 
 
-def ours(name: str, robot: Any, build: Callable[[Any], Stack], hand: int, solver: str, settings: str, damping: Any) -> Method:
+def our_method(
+    name: str, robot: Any, build: Callable[[Any], Stack], hand: int, solver: str, settings: str, damping: Any
+) -> Method:
     stack = build(damping)
     chosen, before = hqp_rp.get_solver(solver), np.zeros(robot.nv)
     task = next(item for item in stack.levels[hand] if isinstance(item, PositionTask))
@@ -129,16 +132,23 @@ def with_pink(robot: Any, tasks: list[Any], hand: Any, settings: str) -> Method:
     return Method("pink", settings, step, robot.neutral.copy())
 
 
+def second(damping: Any) -> Any:
+    """The damping of a damped level of orientation below another one: a hundred times as much."""
+    return None if damping is None else ErrorDamping(100.0 * damping.factor, power=damping.power)
+
+
 DAMPED = "hierarchical_active_set, damped"
 
 
-def our_methods(robot: Any, build: Callable[[Any], Stack], hand: int, damping: Any, others: tuple[str, ...]) -> list[Method]:
+def our_methods(
+    robot: Any, build: Callable[[Any], Stack], hand: int, damping: Any, others: tuple[str, ...]
+) -> list[Method]:
     label = f"damping of the hand's level {damping!r}"
     made = [
-        ours("hierarchical_active_set", robot, build, hand, "hierarchical_active_set", "no damping", None),
-        ours(DAMPED, robot, build, hand, "hierarchical_active_set", label, damping),
+        our_method("hierarchical_active_set", robot, build, hand, "hierarchical_active_set", "no damping", None),
+        our_method(DAMPED, robot, build, hand, "hierarchical_active_set", label, damping),
     ]
-    return made + [ours(f"{name}, damped", robot, build, hand, name, label, damping) for name in others]
+    return made + [our_method(f"{name}, damped", robot, build, hand, name, label, damping) for name in others]
 
 
 def panda(models: Path) -> Case:
@@ -152,15 +162,24 @@ def panda(models: Path) -> Case:
         tasks = [PositionTask(hand, start, gain=5.0), PostureTask(robot.neutral, gain=1.0)]
         return Stack(tasks, [JointLimit()], damping=[damping, None])
 
-    tool = mink.FrameTask(frame, kind or "body", position_cost=1.0, orientation_cost=0.0, lm_damping=1e-6, gain=5.0 * DT)
+    tool = mink.FrameTask(
+        frame, kind or "body", position_cost=1.0, orientation_cost=0.0, lm_damping=1e-6, gain=5.0 * DT
+    )
     posture = mink.PostureTask(robot.model, cost=1e-2, gain=DT)
     speed = mink.VelocityLimit(robot.model, {robot.model.joint(j).name: 2.0 for j in range(robot.model.njnt)})
     limits = [mink.ConfigurationLimit(robot.model), speed]
     method = with_mink(
-        robot, [tool, posture], tool, limits, "position 1, posture 1e-2, lm_damping 1e-6, daqp, limits as ours, gains as ours", 1e-12
+        robot,
+        [tool, posture],
+        tool,
+        limits,
+        "position 1, posture 1e-2, lm_damping 1e-6, daqp; limits and gains as ours",
+        1e-12,
     )
     methods = [*our_methods(robot, build, 0, ErrorDamping(0.002, power=1), ("qp_cascade",)), method]
-    return Case("Franka Panda", robot, hand, start + [0.1, 0.25, 0.1], start + [0.9, 0.3, 0.2], {}, methods)
+    return Case(
+        "Franka Panda", robot, hand, start + np.array([0.1, 0.25, 0.1]), start + np.array([0.9, 0.3, 0.2]), {}, methods
+    )
 
 
 def g1(models: Path) -> Case:
@@ -178,25 +197,33 @@ def g1(models: Path) -> Case:
             OrientationTask("pelvis", robot.pose("pelvis")[0], gain=5.0),
             PostureTask(robot.neutral, gain=0.1, joints=["*_joint"]),
         ]
-        return Stack(levels, [JointLimit()], damping=[None, None, damping, damping, None])
+        return Stack(levels, [JointLimit()], damping=[None, None, damping, second(damping), None])
 
     tasks = [
         mink.FrameTask("pelvis", "body", position_cost=0.0, orientation_cost=10.0, gain=5.0 * DT),
         mink.PostureTask(robot.model, cost=1.0, gain=0.1 * DT),
         mink.ComTask(cost=200.0, gain=10.0 * DT),
-        *(mink.FrameTask(foot, "site", position_cost=200.0, orientation_cost=10.0, lm_damping=1.0, gain=20.0 * DT) for foot in feet),
-        mink.FrameTask(hand, "body", position_cost=200.0, orientation_cost=0.0, lm_damping=1.0, gain=5.0 * DT),
+        *(mink.FrameTask(foot, "site", 200.0, 10.0, lm_damping=1.0, gain=20.0 * DT) for foot in feet),
+        mink.FrameTask(hand, "body", 200.0, 0.0, lm_damping=1.0, gain=5.0 * DT),
     ]
-    speed = mink.VelocityLimit(robot.model, {name: 5.0 for name in robot.joint_names if robot.joint_widths[robot.joint_names.index(name)] == 1})
+    hinges = [name for name, width in zip(robot.joint_names, robot.joint_widths, strict=True) if width == 1]
+    speed = mink.VelocityLimit(robot.model, dict.fromkeys(hinges, 5.0))
     limits = [mink.ConfigurationLimit(robot.model), speed]
-    told = "weights of its humanoid_g1 example (feet, centre of mass, hand 200; pelvis 10; posture 1; lm_damping 1), daqp, limits as ours"
+    told = "as its humanoid example: feet, centre of mass, hand 200, pelvis 10, posture 1, lm_damping 1; daqp, limits as ours"
     method = with_mink(robot, tasks, tasks[-1], limits, told, 1e-1)
     held = {
         "feet, mm": lambda: 1e3 * max(float(np.linalg.norm(robot.pose(f)[1] - pose[1])) for f, pose in feet.items()),
         "centre of mass, mm": lambda: 1e3 * float(np.linalg.norm((robot.center_of_mass() - com)[:2])),
     }
     methods = [*our_methods(robot, build, 2, ErrorDamping(0.0005, power=1), ("qp_cascade",)), method]
-    return Case("Unitree G1, five levels", robot, hand, start + [0.15, 0.0, 0.15], start + [0.7, -0.1, 0.3], held, methods)
+    return Case(
+        "Unitree G1, five levels",
+        robot,
+        hand,
+        *(start + np.array(d) for d in ([0.15, 0.0, 0.15], [0.7, -0.1, 0.3])),
+        held,
+        methods,
+    )
 
 
 def talos(models: Path) -> Case:
@@ -224,11 +251,14 @@ def talos(models: Path) -> Case:
         ]
         return Stack(levels, [JointLimit()], damping=[None, None, damping, None])
 
-    posture = pink.PostureTask(cost=1e-1, gain=0.1 * DT)
+    posture = pink.tasks.PostureTask(cost=1e-1, gain=0.1 * DT)
     tasks = [
-        *(pink.FrameTask(foot, position_cost=200.0, orientation_cost=10.0, lm_damping=1e-6, gain=20.0 * DT) for foot in feet),
-        pink.ComTask(cost=200.0, gain=10.0 * DT),
-        pink.FrameTask(hand, position_cost=10.0, orientation_cost=0.0, lm_damping=1e-2, gain=5.0 * DT),
+        *(
+            pink.tasks.FrameTask(foot, position_cost=200.0, orientation_cost=10.0, lm_damping=1e-6, gain=20.0 * DT)
+            for foot in feet
+        ),
+        pink.tasks.ComTask(cost=200.0, gain=10.0 * DT),
+        pink.tasks.FrameTask(hand, position_cost=10.0, orientation_cost=0.0, lm_damping=1e-2, gain=5.0 * DT),
         posture,
     ]
     told = "feet and centre of mass 200, hand 10 with lm_damping 1e-2, posture 1e-1; daqp, its own limits of the model"
@@ -236,8 +266,16 @@ def talos(models: Path) -> Case:
         "feet, mm": lambda: 1e3 * max(float(np.linalg.norm(robot.pose(f)[1] - pose[1])) for f, pose in feet.items()),
         "centre of mass, mm": lambda: 1e3 * float(np.linalg.norm((robot.center_of_mass() - com)[:2])),
     }
-    methods = [*our_methods(robot, build, 2, ErrorDamping(0.0005, power=1), ("qp_cascade",)), with_pink(robot, tasks, tasks[3], told)]
-    return Case("Talos, four levels", robot, hand, start + [0.15, 0.0, 0.15], start + [0.9, -0.1, 0.3], held, methods)
+    ours = our_methods(robot, build, 2, ErrorDamping(0.0005, power=1), ("qp_cascade",))
+    methods = [*ours, with_pink(robot, tasks, tasks[3], told)]
+    return Case(
+        "Talos, four levels",
+        robot,
+        hand,
+        *(start + np.array(d) for d in ([0.15, 0.0, 0.15], [0.9, -0.1, 0.3])),
+        held,
+        methods,
+    )
 
 
 def run(case: Case) -> None:
@@ -286,7 +324,8 @@ def table(case: Case) -> list[str]:
 
 
 def figure(cases: list[Case]) -> None:
-    fig, axes = plt.subplots(2, len(cases), figsize=(4.4 * len(cases), 5.6), sharex=True, squeeze=False, constrained_layout=True)
+    size = (4.4 * len(cases), 5.6)
+    fig, axes = plt.subplots(2, len(cases), figsize=size, sharex=True, squeeze=False, constrained_layout=True)
     colors = {"hierarchical_active_set": "#c0392b", DAMPED: "#1f5fa8", "mink": "#2a8f5b", "pink": "#b5489a"}
     t = DT * np.arange(STEPS)
     for column, case in enumerate(cases):
@@ -294,9 +333,13 @@ def figure(cases: list[Case]) -> None:
             if method.name not in colors:
                 continue
             width = 0.5 if method.name == "hierarchical_active_set" else 1.5
-            axes[0, column].plot(t, np.array(method.errors)[:, 0], color=colors[method.name], lw=width, label=method.name)
+            axes[0, column].plot(
+                t, np.array(method.errors)[:, 0], color=colors[method.name], lw=width, label=method.name
+            )
             change = np.abs(np.diff(np.array(method.speeds), axis=0)).max(axis=1)
-            axes[1, column].semilogy(t[1:], np.maximum(change, 1e-9), color=colors[method.name], lw=0.6, label=method.name)
+            axes[1, column].semilogy(
+                t[1:], np.maximum(change, 1e-9), color=colors[method.name], lw=0.6, label=method.name
+            )
         axes[0, column].set_title(case.name)
         axes[1, column].set_xlabel("time (s)")
         axes[0, column].legend(frameon=False, fontsize=7, loc="upper left")
@@ -308,6 +351,21 @@ def figure(cases: list[Case]) -> None:
     fig.savefig(HERE / "figure.png", dpi=110)
 
 
+INTRODUCTION = """# Real robots, beside mink and pink
+
+What does a strict hierarchy with hard limits cost and give on robots as they come from PyPI? A hand goes to a place within
+reach, rests, goes on to a place out of reach, and rests there. Remade by `python docs/reports/real_robots/measure.py MODELS`,
+whose first lines say where the models are from.
+
+![Distance of the hand and the largest change of a joint velocity in a step](figure.png)
+
+*Above the distance from hand to target, below the largest change of a joint velocity in a step; out of reach from 3 to 4 s on.*
+"""
+READ_SO = """Time is the median of a whole step (kinematics, rows, solve). The errors beside it, the change and the flips are
+the worst of the last second, out of reach; within reach is the distance at the end of the first rest. The least distance is
+that of the best method that keeps what stands above the hand within 1 mm."""
+
+
 def report(cases: list[Case]) -> str:
     packages = ("mink", "pin-pink", "mujoco", "pin", "daqp", "numpy")
     versions = []
@@ -316,35 +374,19 @@ def report(cases: list[Case]) -> str:
             versions.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
             versions.append(f"{name} (from a folder)")
-    lines = [
-        "# Real robots, beside mink and pink",
-        "",
-        "What does a strict hierarchy with hard limits cost and give on robots as they come from PyPI? A hand goes to a place within",
-        "reach, rests, goes on to a place out of reach, and rests there. Remade by `python docs/reports/real_robots/measure.py MODELS`,",
-        "whose first lines say where the models are from.",
-        "",
-        "![Distance of the hand and the largest change of a joint velocity in a step](figure.png)",
-        "",
-        "*Above the distance from hand to target, below the largest change of a joint velocity in a step; out of reach from 3 to 4 s on.*",
-        "",
-    ]
+    lines = [INTRODUCTION]
     for case in cases:
         lines += [f"## {case.name}", "", *table(case), ""]
         lines += [f"- {method.name}: {method.settings}" for method in case.methods] + [""]
-    lines += [
-        "Time is the median of a whole step (kinematics, rows, solve). The errors beside it, the change and the flips are the worst of the",
-        "last second, out of reach; within reach is the distance at the end of the first rest. The least distance is that of the best",
-        "method that keeps what stands above the hand within 1 mm.",
-        "",
-        f"Steps of {1e3 * DT:g} ms; {platform.processor() or platform.machine()}, Python {platform.python_version()}, {', '.join(versions)}.",
-        "",
-    ]
+    machine = f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, {', '.join(versions)}"
+    lines += [READ_SO, "", f"Steps of {1e3 * DT:g} ms; {machine}.", ""]
     return "\n".join(lines)
 
 
 def main() -> None:
     models = Path(sys.argv[1])
     warnings.simplefilter("ignore")
+    logging.disable()  # pink says of every step how far beyond its limits by rounding the robot is
     cases = []
     for make in (panda, g1, talos):
         case = make(models)

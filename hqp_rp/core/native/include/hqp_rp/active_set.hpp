@@ -165,7 +165,7 @@ class ActiveSetSearch {
     }
     rows_.set_values(point_, offsets_[k + 1], offsets_[k + 2]);
     for (int i = offsets_[k + 1]; i < offsets_[k + 2]; ++i) {
-      const bool violated = !rows_.equality(i) && rows_.beyond(i, size);
+      const bool violated = !rows_.equality(i) && rows_.beyond(i, size, tolerance::reached);
       if (violated) rows_.conflict[i] = rows_.value[i] > rows_.up[i] ? 1 : -1;
       if (violated || rows_.equality(i)) rows_.low[i] = rows_.up[i] = rows_.value[i];
     }
@@ -761,7 +761,8 @@ class ActiveSetSearch {
       nW = s.nW;
       if (last) break;
       size = s.size;
-      if (k == 0 || !tentative_[k - 1]) smallest = std::min(smallest, s.pivot);  // what was reached is met, however near a singularity
+      // What a damped level reaches is met, however near a singularity, and nothing later keeps where that was.
+      if (!tentative_[k] && (k == 0 || !tentative_[k - 1])) smallest = std::min(smallest, s.pivot);
       if (tentative_[k]) {
         keep_reached(k, size);
         nW = rows_.compress(held_, nW);

@@ -29,6 +29,9 @@ constexpr double well_conditioned = 1e5;
 // What rounding may add to the value of a row, as a part of ||a_i|| ||x|| + |bound|.
 constexpr double row_rounding = 64.0 * eps;
 
+// A row of a damped level that misses its bound by more than this part of ||a_i|| ||x|| + |bound| keeps the value it has.
+constexpr double reached = 1e-12;
+
 // A step shorter than this part of ||x|| is rounding error.
 constexpr double step_rounding = 4.0 * eps;
 

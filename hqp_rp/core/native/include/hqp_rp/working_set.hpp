@@ -122,10 +122,10 @@ struct WorkingRows {
     return std::fabs(w) > tolerance::row_rounding * (norm[i] * size + std::fabs(b)) ? w : 0.0;
   }
   // Whether row i is outside its bounds by more than rounding can explain.
-  bool beyond(int i, double size) const {
+  bool beyond(int i, double size, double part = tolerance::row_rounding) const {
     const double b = value[i] > up[i] ? up[i] : low[i];
     const double over = std::max(value[i] - up[i], low[i] - value[i]);
-    return over > 0.0 && over > tolerance::row_rounding * (norm[i] * size + std::fabs(b));
+    return over > 0.0 && over > part * (norm[i] * size + std::fabs(b));
   }
   void activate(int i, int at) {
     side[i] = at;
