@@ -36,6 +36,8 @@ import matplotlib.pyplot as plt
 
 HERE = Path(__file__).parent
 DT = 0.002
+LM_DAMPING = (1e-6, 1.0, 1e4)
+"""Of mink and pink: that of their examples, and what it takes at gains of a few per second."""
 MOVE, REST, AWAY, LAST = 2.0, 1.0, 1.0, 2.0
 STEPS = round((MOVE + REST + AWAY + LAST) / DT)
 REACHED = round((MOVE + REST) / DT) - 1
@@ -98,7 +100,7 @@ def our_method(
     return Method(name, settings, step, robot.neutral.copy())
 
 
-def with_mink(robot: Any, tasks: list[Any], hand: Any, limits: list[Any], settings: str, damping: float) -> Method:
+def with_mink(robot: Any, tasks: list[Any], hand: Any, limits: list[Any], name: str, settings: str) -> Method:
     configuration = mink.Configuration(robot.model)
     configuration.update(robot.neutral)
     for task in tasks:
@@ -109,12 +111,12 @@ def with_mink(robot: Any, tasks: list[Any], hand: Any, limits: list[Any], settin
     def step(q: np.ndarray, target: np.ndarray) -> np.ndarray:
         configuration.update(q)
         hand.set_target(mink.SE3.from_rotation_and_translation(rotation, target))
-        return mink.solve_ik(configuration, tasks, DT, "daqp", damping=damping, limits=limits)
+        return mink.solve_ik(configuration, tasks, DT, "daqp", damping=1e-12, limits=limits)
 
-    return Method("mink", settings, step, robot.neutral.copy())
+    return Method(name, settings, step, robot.neutral.copy())
 
 
-def with_pink(robot: Any, tasks: list[Any], hand: Any, settings: str) -> Method:
+def with_pink(robot: Any, tasks: list[Any], hand: Any, name: str, settings: str) -> Method:
     data = robot.model.createData()
     configuration = pink.Configuration(robot.model, data, robot.neutral.copy())
     for task in tasks:
@@ -129,7 +131,7 @@ def with_pink(robot: Any, tasks: list[Any], hand: Any, settings: str) -> Method:
         except (pink.exceptions.PinkError, ValueError):
             return None
 
-    return Method("pink", settings, step, robot.neutral.copy())
+    return Method(name, settings, step, robot.neutral.copy())
 
 
 def second(damping: Any) -> Any:
@@ -162,21 +164,17 @@ def panda(models: Path) -> Case:
         tasks = [PositionTask(hand, start, gain=5.0), PostureTask(robot.neutral, gain=1.0)]
         return Stack(tasks, [JointLimit()], damping=[damping, None])
 
-    tool = mink.FrameTask(
-        frame, kind or "body", position_cost=1.0, orientation_cost=0.0, lm_damping=1e-6, gain=5.0 * DT
-    )
-    posture = mink.PostureTask(robot.model, cost=1e-2, gain=DT)
     speed = mink.VelocityLimit(robot.model, {robot.model.joint(j).name: 2.0 for j in range(robot.model.njnt)})
     limits = [mink.ConfigurationLimit(robot.model), speed]
-    method = with_mink(
-        robot,
-        [tool, posture],
-        tool,
-        limits,
-        "position 1, posture 1e-2, lm_damping 1e-6, daqp; limits and gains as ours",
-        1e-12,
-    )
-    methods = [*our_methods(robot, build, 0, ErrorDamping(0.002, power=1), ("qp_cascade",)), method]
+
+    def minks(lm_damping: float) -> Method:
+        tool = mink.FrameTask(frame, kind or "body", 1.0, 0.0, lm_damping=lm_damping, gain=5.0 * DT)
+        tasks = [tool, mink.PostureTask(robot.model, cost=1e-2, gain=DT)]
+        told = f"position 1, posture 1e-2, lm_damping {lm_damping:g}; daqp; limits and gains as ours"
+        return with_mink(robot, tasks, tool, limits, f"mink, lm_damping {lm_damping:g}", told)
+
+    methods = our_methods(robot, build, 0, ErrorDamping(0.002, power=1), ("qp_cascade",))
+    methods += [minks(lm_damping) for lm_damping in LM_DAMPING]
     return Case(
         "Franka Panda", robot, hand, start + np.array([0.1, 0.25, 0.1]), start + np.array([0.9, 0.3, 0.2]), {}, methods
     )
@@ -199,31 +197,30 @@ def g1(models: Path) -> Case:
         ]
         return Stack(levels, [JointLimit()], damping=[None, None, damping, second(damping), None])
 
-    tasks = [
-        mink.FrameTask("pelvis", "body", position_cost=0.0, orientation_cost=10.0, gain=5.0 * DT),
-        mink.PostureTask(robot.model, cost=1.0, gain=0.1 * DT),
-        mink.ComTask(cost=200.0, gain=10.0 * DT),
-        *(mink.FrameTask(foot, "site", 200.0, 10.0, lm_damping=1.0, gain=20.0 * DT) for foot in feet),
-        mink.FrameTask(hand, "body", 200.0, 0.0, lm_damping=1.0, gain=5.0 * DT),
-    ]
     hinges = [name for name, width in zip(robot.joint_names, robot.joint_widths, strict=True) if width == 1]
     speed = mink.VelocityLimit(robot.model, dict.fromkeys(hinges, 5.0))
     limits = [mink.ConfigurationLimit(robot.model), speed]
-    told = "as its humanoid example: feet, centre of mass, hand 200, pelvis 10, posture 1, lm_damping 1; daqp, limits as ours"
-    method = with_mink(robot, tasks, tasks[-1], limits, told, 1e-1)
+
+    def minks(lm_damping: float) -> Method:
+        reach = mink.FrameTask(hand, "body", 200.0, 0.0, lm_damping=lm_damping, gain=5.0 * DT)
+        tasks = [
+            mink.FrameTask("pelvis", "body", 0.0, 10.0, gain=5.0 * DT),
+            mink.PostureTask(robot.model, cost=1.0, gain=0.1 * DT),
+            mink.ComTask(cost=200.0, gain=10.0 * DT),
+            *(mink.FrameTask(foot, "site", 200.0, 10.0, lm_damping=lm_damping, gain=20.0 * DT) for foot in feet),
+            reach,
+        ]
+        told = f"as in its humanoid example: feet, centre of mass, hand 200, pelvis 10, posture 1; lm_damping {lm_damping:g}"
+        return with_mink(robot, tasks, reach, limits, f"mink, lm_damping {lm_damping:g}", told)
+
     held = {
         "feet, mm": lambda: 1e3 * max(float(np.linalg.norm(robot.pose(f)[1] - pose[1])) for f, pose in feet.items()),
         "centre of mass, mm": lambda: 1e3 * float(np.linalg.norm((robot.center_of_mass() - com)[:2])),
     }
-    methods = [*our_methods(robot, build, 2, ErrorDamping(0.0005, power=1), ("qp_cascade",)), method]
-    return Case(
-        "Unitree G1, five levels",
-        robot,
-        hand,
-        *(start + np.array(d) for d in ([0.15, 0.0, 0.15], [0.7, -0.1, 0.3])),
-        held,
-        methods,
-    )
+    methods = our_methods(robot, build, 2, ErrorDamping(0.0005, power=1), ("qp_cascade",))
+    methods += [minks(lm_damping) for lm_damping in LM_DAMPING]
+    near, far = start + np.array([0.15, 0.0, 0.15]), start + np.array([0.7, -0.1, 0.3])
+    return Case("Unitree G1, five levels", robot, hand, near, far, held, methods)
 
 
 def talos(models: Path) -> Case:
@@ -251,31 +248,25 @@ def talos(models: Path) -> Case:
         ]
         return Stack(levels, [JointLimit()], damping=[None, None, damping, None])
 
-    posture = pink.tasks.PostureTask(cost=1e-1, gain=0.1 * DT)
-    tasks = [
-        *(
-            pink.tasks.FrameTask(foot, position_cost=200.0, orientation_cost=10.0, lm_damping=1e-6, gain=20.0 * DT)
-            for foot in feet
-        ),
-        pink.tasks.ComTask(cost=200.0, gain=10.0 * DT),
-        pink.tasks.FrameTask(hand, position_cost=10.0, orientation_cost=0.0, lm_damping=1e-2, gain=5.0 * DT),
-        posture,
-    ]
-    told = "feet and centre of mass 200, hand 10 with lm_damping 1e-2, posture 1e-1; daqp, its own limits of the model"
+    def pinks(lm_damping: float) -> Method:
+        reach = pink.tasks.FrameTask(hand, 10.0, 0.0, lm_damping=lm_damping, gain=5.0 * DT)
+        tasks = [
+            *(pink.tasks.FrameTask(foot, 200.0, 10.0, lm_damping=1e-6, gain=20.0 * DT) for foot in feet),
+            pink.tasks.ComTask(cost=200.0, gain=10.0 * DT),
+            reach,
+            pink.tasks.PostureTask(cost=1e-1, gain=0.1 * DT),
+        ]
+        told = f"feet and centre of mass 200, hand 10 with lm_damping {lm_damping:g}, posture 0.1; daqp, limits of the model"
+        return with_pink(robot, tasks, reach, f"pink, lm_damping {lm_damping:g}", told)
+
     held = {
         "feet, mm": lambda: 1e3 * max(float(np.linalg.norm(robot.pose(f)[1] - pose[1])) for f, pose in feet.items()),
         "centre of mass, mm": lambda: 1e3 * float(np.linalg.norm((robot.center_of_mass() - com)[:2])),
     }
-    ours = our_methods(robot, build, 2, ErrorDamping(0.0005, power=1), ("qp_cascade",))
-    methods = [*ours, with_pink(robot, tasks, tasks[3], told)]
-    return Case(
-        "Talos, four levels",
-        robot,
-        hand,
-        *(start + np.array(d) for d in ([0.15, 0.0, 0.15], [0.9, -0.1, 0.3])),
-        held,
-        methods,
-    )
+    methods = our_methods(robot, build, 2, ErrorDamping(0.0005, power=1), ("qp_cascade",))
+    methods += [pinks(lm_damping) for lm_damping in LM_DAMPING]
+    near, far = start + np.array([0.15, 0.0, 0.15]), start + np.array([0.9, -0.1, 0.3])
+    return Case("Talos, four levels", robot, hand, near, far, held, methods)
 
 
 def run(case: Case) -> None:
@@ -326,20 +317,22 @@ def table(case: Case) -> list[str]:
 def figure(cases: list[Case]) -> None:
     size = (4.4 * len(cases), 5.6)
     fig, axes = plt.subplots(2, len(cases), figsize=size, sharex=True, squeeze=False, constrained_layout=True)
-    colors = {"hierarchical_active_set": "#c0392b", DAMPED: "#1f5fa8", "mink": "#2a8f5b", "pink": "#b5489a"}
+    colors = {
+        "hierarchical_active_set": "#c0392b",
+        DAMPED: "#1f5fa8",
+        "lm_damping 1e-06": "#2a8f5b",
+        "lm_damping 10000": "#b5489a",
+    }
     t = DT * np.arange(STEPS)
     for column, case in enumerate(cases):
         for method in case.methods:
-            if method.name not in colors:
+            color = colors.get(method.name.removeprefix("mink, ").removeprefix("pink, "))
+            if color is None:
                 continue
             width = 0.5 if method.name == "hierarchical_active_set" else 1.5
-            axes[0, column].plot(
-                t, np.array(method.errors)[:, 0], color=colors[method.name], lw=width, label=method.name
-            )
+            axes[0, column].plot(t, np.array(method.errors)[:, 0], color=color, lw=width, label=method.name)
             change = np.abs(np.diff(np.array(method.speeds), axis=0)).max(axis=1)
-            axes[1, column].semilogy(
-                t[1:], np.maximum(change, 1e-9), color=colors[method.name], lw=0.6, label=method.name
-            )
+            axes[1, column].semilogy(t[1:], np.maximum(change, 1e-9), color=color, lw=0.6, label=method.name)
         axes[0, column].set_title(case.name)
         axes[1, column].set_xlabel("time (s)")
         axes[0, column].legend(frameon=False, fontsize=7, loc="upper left")
