@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -12,12 +11,8 @@ from hqp_rp.control._approach import Approach, margin_of
 from hqp_rp.control._checks import positive_number
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.distance import Distances, Side, distances_of
 from hqp_rp.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from hqp_rp.robot.mujoco_distance import MujocoDistances
-
-Side: TypeAlias = str | Sequence[str]
 
 
 class CollisionLimit:
@@ -88,7 +83,7 @@ class CollisionLimit:
                 f"the detection of {self._name!r} is {detection!r} m; it must be more than the margin, {self._margin:g} m."
             )
         self._bound: Robot | None = None
-        self._distances: MujocoDistances | None = None
+        self._distances: Distances | None = None
 
     @property
     def name(self) -> str:
@@ -113,12 +108,10 @@ class CollisionLimit:
         """The two geoms of each row."""
         return [f"{a} - {b}" for a, b in self.pairs(robot)]
 
-    def _meet(self, robot: Robot) -> MujocoDistances:
+    def _meet(self, robot: Robot) -> Distances:
         if self._distances is None or robot is not self._bound:
-            from hqp_rp.robot.mujoco_distance import MujocoDistances
-
             try:
-                self._distances = MujocoDistances(robot, self._pairs, detection=self._detection)  # type: ignore[arg-type]
+                self._distances = distances_of(robot, self._pairs, detection=self._detection)
             except RobotError as error:
                 raise RobotError(f"limit {self._name!r}: {error}") from None
             self._bound = robot
