@@ -96,7 +96,9 @@ def _require_distance(geoms: Geoms, a: int, b: int) -> None:
     planes = a in geoms.planes and b in geoms.planes
     if planes or a in geoms.refused or b in geoms.refused:
         what = "two planes" if planes else geoms.refused.get(a) or geoms.refused[b]
-        raise RobotError(f"{shown} has {what}, whose distance is not computed; use a box or a mesh with volume instead.")
+        raise RobotError(
+            f"{shown} has {what}, whose distance is not computed; use a box or a mesh with volume instead."
+        )
     if geoms.rigid[a] == geoms.rigid[b]:
         raise RobotError(f"{shown} is fixed on one rigid body, so that its distance never changes; leave it out.")
 

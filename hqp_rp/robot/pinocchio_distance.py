@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _TOLERANCE = 1e-9
 """m, of coal's iteration between separated shapes; its nearest points are less exact than its distances."""
+_NO_ANSWER = 1e300
+"""m: coal says with the largest float that it found no depth."""
 
 
 class PinocchioDistances:
@@ -104,7 +106,8 @@ class PinocchioDistances:
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._fine)
         pin.computeDistances(self._geometry, self._fine)
         results = list(self._fine.distanceResults)
-        failed = [i for i, result in enumerate(results) if not np.isfinite(result.normal).all()]
+        answered = np.array([(result.min_distance, *result.normal) for result in results])
+        failed = np.flatnonzero(~(np.isfinite(answered).all(axis=1) & (np.abs(answered[:, 0]) < _NO_ANSWER))).tolist()
         if failed:
             pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._coarse)
             for i in failed:

@@ -26,7 +26,12 @@ if TYPE_CHECKING:
 _FLAT = 1e-9
 """Points whose smallest extent is this share of the largest, or less, have no convex hull (coal crashes on them)."""
 _PLANES = (coal.Halfspace, coal.Plane)
-_URDF_SIZES = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
+_URDF_SIZES = {
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+}
 
 
 def geometry_from_urdf(model: Any, path: Path, *, meshes: bool = True) -> Any:
@@ -44,7 +49,9 @@ def geometry_from_urdf(model: Any, path: Path, *, meshes: bool = True) -> Any:
     """
     root = parse_urdf(path)
     geometry = pin.GeometryModel()
-    collisions = [(link, i, item) for link in root.iterfind("link") for i, item in enumerate(link.iterfind("collision"))]
+    collisions = [
+        (link, i, item) for link in root.iterfind("link") for i, item in enumerate(link.iterfind("collision"))
+    ]
     stated = [item.get("name") for _, _, item in collisions]
     for link, i, item in collisions:
         owner, name = link.get("name", ""), item.get("name")
@@ -56,7 +63,11 @@ def geometry_from_urdf(model: Any, path: Path, *, meshes: bool = True) -> Any:
         frame = model.frames[model.getFrameId(owner, pin.FrameType.BODY)]
         origin = item.find("origin")
         placement = frame.placement * (pin.SE3.Identity() if origin is None else _urdf_origin(origin, where))
-        body = _urdf_mesh(shape, path, root, where) if shape is not None and shape.tag == "mesh" else _urdf_shape(shape, where)
+        body = (
+            _urdf_mesh(shape, path, root, where)
+            if shape is not None and shape.tag == "mesh"
+            else _urdf_shape(shape, where)
+        )
         own_name = name if name and stated.count(name) == 1 else f"{owner}_{i}"
         frame_id = model.getFrameId(owner, pin.FrameType.BODY)
         geometry.addGeometryObject(pin.GeometryObject(own_name, frame.parentJoint, frame_id, placement, body))
@@ -185,7 +196,9 @@ def _urdf_mesh(shape: ElementTree.Element, path: Path, root: ElementTree.Element
     try:
         return coal.MeshLoader().load(str(file), scale)
     except (ValueError, RuntimeError) as error:
-        raise RobotError(f"{where} has the collision mesh {name!r}, which is not read: {one_line(error)} {hint}") from error
+        raise RobotError(
+            f"{where} has the collision mesh {name!r}, which is not read: {one_line(error)} {hint}"
+        ) from error
 
 
 def _mesh_files(name: str, urdf: pathlib.Path, root: ElementTree.Element) -> Iterator[pathlib.Path]:
