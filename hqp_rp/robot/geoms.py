@@ -145,8 +145,9 @@ def _matching(geoms: Geoms, pattern: str) -> Sequence[int]:
         own = (own for name, own in geoms.bodies.items() if fnmatch.fnmatchcase(name, bare))
         found |= dict.fromkeys(itertools.chain.from_iterable(own))
     if not found:
+        bodies = ", ".join(name for name, own in geoms.bodies.items() if own)
         raise RobotError(
-            f"Distances: no geom, and no body that has one, matches {pattern!r}; the bodies are {', '.join(geoms.bodies)}."
+            f"Distances: no geom, and no body that has one, matches {pattern!r}; the bodies are {bodies or 'none'}."
         )
     return list(found)
 

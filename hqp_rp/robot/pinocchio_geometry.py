@@ -38,8 +38,9 @@ def geometry_from_urdf(model: Any, path: Path, *, meshes: bool = True) -> Any:
     """The `pinocchio.GeometryModel` of the `<collision>` elements of a URDF file: box, sphere, cylinder, capsule, mesh.
 
     An element's name is that of its object; without one, or if another has it too, that is "LINK_0", "LINK_1" and so on, as
-    in Pinocchio, whose own reader leaves out every shape of a link that has a capsule. The file of a mesh is looked for where
-    it says, "package://" in the folders above the URDF and in ROS_PACKAGE_PATH and AMENT_PREFIX_PATH, and beside the URDF.
+    in Pinocchio, whose own reader leaves out every shape of a link that has a capsule. A mesh is its convex hull, as it is to
+    MuJoCo. Its file is looked for where the URDF says, "package://" in the folders above the URDF and in ROS_PACKAGE_PATH and
+    AMENT_PREFIX_PATH, and beside the URDF.
 
     Args:
         model: the `pinocchio.Model` of that file. meshes: False leaves out meshes.
@@ -151,7 +152,7 @@ def convex_hull(points: FloatArray) -> Any:
         raise RobotError("a mesh without volume")
     stored = coal.StdVec_Vec3s()
     stored.extend(points)
-    return coal.Convex.convexHull(stored, True, "")
+    return coal.Convex.convexHull(stored, True, "Qt")  # Qt: facets as triangles, as True asks for
 
 
 def _parent(model: Any, joint: int, bearing: set[int]) -> int:
@@ -194,11 +195,15 @@ def _urdf_mesh(shape: ElementTree.Element, path: Path, root: ElementTree.Element
             f"ROS_PACKAGE_PATH or AMENT_PREFIX_PATH. {hint}"
         )
     try:
-        return coal.MeshLoader().load(str(file), scale)
+        mesh = coal.MeshLoader().load(str(file), scale)
     except (ValueError, RuntimeError) as error:
         raise RobotError(
             f"{where} has the collision mesh {name!r}, which is not read: {one_line(error)} {hint}"
         ) from error
+    try:
+        return convex_hull(mesh.vertices())
+    except RobotError:
+        return mesh  # no error until it is measured
 
 
 def _mesh_files(name: str, urdf: pathlib.Path, root: ElementTree.Element) -> Iterator[pathlib.Path]:
