@@ -214,7 +214,8 @@ def test_what_names_mean() -> None:
     assert pairs(("shown", "floor")) == (("shown", "floor"),)
     assert pairs(("elbow", "floor"), ("floor", "elbow")) == (("hand2", "floor"), ("other", "floor"))
     assert pairs(("geom:other", "floor"), ("body:other", "floor")) == (("other", "floor"), ("only", "floor"))
-    assert pairs((["finger", "shown"], ["floor", "only"]))[1] == ("finger", "only")
+    assert pairs((["finger", "shown"], ["floor", "only"])) == (("finger", "floor"), ("shown", "floor"))
+    assert pairs((["elbow"], ["floor", "only"]))[1] == ("hand2", "only")
     for given_pair, message in (
         (
             ("hnad", "floor"),
@@ -222,15 +223,18 @@ def test_what_names_mean() -> None:
         ),
         (("other", "floor"), r"'other' is both a geom and a body with other geoms: write 'geom:other' or 'body:other'"),
         (("bare", "floor"), r"the body 'bare' has no geom to measure from"),
-        (("hand", "finger"), r"the pair 'shell', 'finger' is fixed on one rigid body"),
-        (("floor", "floor"), r"has two planes, whose distance MuJoCo does not compute"),
+        (("hand", "finger"), r"no pair of geoms is left of \[\('hand', 'finger'\)\] \(2 on one rigid body\)"),
+        (("shell", "finger"), r"the pair 'shell', 'finger' is fixed on one rigid body"),
+        (("floor", "floor"), r"has two planes, whose distance is not computed"),
     ):
         with pytest.raises(RobotError, match=message):
             pairs(given_pair)
 
 
 def test_another_robot_library() -> None:
-    with pytest.raises(RobotError, match=r"need a robot that MuJoCo computes; this one is a Chain"):
+    with pytest.raises(
+        RobotError, match=r"limit 'collision': distances .* that MuJoCo or Pinocchio computes; this one is a Chain"
+    ):
         CollisionLimit([("a", "b")]).rows(random_chain(np.random.default_rng(0)), 0.01, None)
 
 

@@ -138,15 +138,16 @@ def test_meshes_can_be_left_out(tmp_path, library):
         load_robot(path, library, meshes=False)
 
 
-def test_meshes_of_a_urdf_can_be_left_out(tmp_path):
+@libraries
+def test_meshes_of_a_urdf_can_be_left_out(tmp_path, library):
     path = tmp_path / "model.urdf"
     mesh = '<visual><geometry><mesh filename="package://nowhere/absent.dae"/></geometry></visual>'
     path.write_text(
         URDF.replace('<link name="tool"/>', f'<link name="tool">{mesh}{mesh.replace("visual", "collision")}</link>')
     )
     with pytest.raises(RobotError, match="Its mesh files can be left out with meshes=False"):
-        load_robot(path)
-    robot, other = load_robot(path, meshes=False), load_robot(path, "pinocchio")
+        load_robot(path, library)
+    robot, other = load_robot(path, meshes=False), load_robot(path, "pinocchio", meshes=False)
     np.testing.assert_allclose(robot.pose("tool")[1], other.pose("tool")[1], atol=1e-12)
 
 
