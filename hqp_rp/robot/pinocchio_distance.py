@@ -64,8 +64,13 @@ class PinocchioDistances:
             self._geometry.addCollisionPair(pin.CollisionPair(index[a], index[b]))
         # Some pairs that touch have no answer at a fine tolerance; the library's own has always given one.
         self._fine, self._coarse = self._geometry.createData(), self._geometry.createData()
-        for request in self._fine.distanceRequests:
-            request.gjk_tolerance = request.epa_tolerance = _TOLERANCE
+        for data, tolerance in ((self._fine, _TOLERANCE), (self._coarse, None)):
+            # Requests of our own: Pinocchio's begin where the last call ended, and the answer would depend on that.
+            request = coal.DistanceRequest()
+            if tolerance is not None:
+                request.gjk_tolerance = request.epa_tolerance = tolerance
+            for i in range(len(found)):
+                data.distanceRequests[i] = request
         joints = [int(item.parentJoint) for item in self._geometry.geometryObjects]
         self._joints = sorted({joints[index[geom]] for pair in found for geom in pair})
         place = {joint: i for i, joint in enumerate(self._joints)}
