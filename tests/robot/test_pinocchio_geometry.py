@@ -16,11 +16,8 @@ TETRAHEDRON = [(0, 0, 0), (0.3, 0, 0), (0, 0.2, 0), (0, 0, 0.4)]
 
 def write_mesh(path: pathlib.Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    facets = "".join(
-        f"facet normal 0 0 0\nouter loop\n{''.join('vertex %g %g %g\n' % TETRAHEDRON[i] for i in facet)}endloop\nendfacet\n"
-        for facet in ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
-    )
-    path.write_text(f"solid t\n{facets}endsolid t\n")
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in TETRAHEDRON)
+    path.write_text(corners + "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
 
 
 def test_shapes_and_names_are_those_of_the_file(tmp_path: pathlib.Path) -> None:
@@ -44,11 +41,11 @@ def mesh_scene(file: str) -> str:
 @pytest.mark.parametrize(
     ("file", "urdf", "mesh"),
     [
-        ("tip.stl", "m.urdf", "tip.stl"),
-        ("../meshes/tip.stl", "urdf/m.urdf", "meshes/tip.stl"),
-        ("package://robot/meshes/tip.stl", "robot/urdf/m.urdf", "robot/meshes/tip.stl"),
-        ("package://robot/meshes/tip.stl", "other/urdf/m.urdf", "robot/meshes/tip.stl"),
-        ("package://robot/meshes/tip.stl", "m.urdf", "tip.stl"),  # as MuJoCo, by its bare name
+        ("tip.obj", "m.urdf", "tip.obj"),
+        ("../meshes/tip.obj", "urdf/m.urdf", "meshes/tip.obj"),
+        ("package://robot/meshes/tip.obj", "robot/urdf/m.urdf", "robot/meshes/tip.obj"),
+        ("package://robot/meshes/tip.obj", "other/urdf/m.urdf", "robot/meshes/tip.obj"),
+        ("package://robot/meshes/tip.obj", "m.urdf", "tip.obj"),  # as MuJoCo, by its bare name
     ],
 )
 def test_where_meshes_are_found(tmp_path: pathlib.Path, file: str, urdf: str, mesh: str) -> None:
@@ -57,15 +54,16 @@ def test_where_meshes_are_found(tmp_path: pathlib.Path, file: str, urdf: str, me
     (tmp_path / urdf).write_text(mesh_scene(file))
     shape = PinocchioRobot.from_file(tmp_path / urdf).geometry.geometryObjects[0].geometry
     assert isinstance(shape, coal.Convex)
-    assert sorted(map(tuple, shape.points())) == pytest.approx(sorted((x, 2 * y, z) for x, y, z in TETRAHEDRON))
+    expected = sorted((x, 2 * y, z) for x, y, z in TETRAHEDRON)
+    np.testing.assert_allclose(sorted(map(tuple, shape.points())), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("variable", ["ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"])
 def test_packages_of_the_environment(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch, variable: str) -> None:
     (tmp_path / "here").mkdir()
     path = tmp_path / "here" / "m.urdf"
-    path.write_text(mesh_scene("package://robot/tip.stl"))
-    write_mesh(tmp_path / "there" / ("share/robot" if variable[0] == "A" else "robot") / "tip.stl")
+    path.write_text(mesh_scene("package://robot/tip.obj"))
+    write_mesh(tmp_path / "there" / ("share/robot" if variable[0] == "A" else "robot") / "tip.obj")
     with pytest.raises(RobotError, match="is not there"):
         PinocchioRobot.from_file(path)
     monkeypatch.setenv(variable, str(tmp_path / "there"))
@@ -73,10 +71,10 @@ def test_packages_of_the_environment(tmp_path: pathlib.Path, monkeypatch: pytest
 
 
 def test_a_mesh_is_its_hull_in_both_libraries(tmp_path: pathlib.Path) -> None:
-    write_mesh(tmp_path / "tip.stl")
+    write_mesh(tmp_path / "tip.obj")
     theirs, ours = (
         distances_of(robot, [("base", "ball")], detection=5.0)
-        for robot in both(tmp_path / "m.urdf", mesh_scene("tip.stl"))
+        for robot in both(tmp_path / "m.urdf", mesh_scene("tip.obj"))
     )
     for height in (-1.0, -0.6, 0.0, 0.5):
         for found, expected in zip(ours.evaluate(np.array([height])), theirs.evaluate(np.array([height])), strict=True):
@@ -85,7 +83,7 @@ def test_a_mesh_is_its_hull_in_both_libraries(tmp_path: pathlib.Path) -> None:
 
 def test_without_meshes(tmp_path: pathlib.Path) -> None:
     path = tmp_path / "m.urdf"
-    path.write_text(mesh_scene("package://robot/absent.stl"))
+    path.write_text(mesh_scene("package://robot/absent.obj"))
     robot = PinocchioRobot.from_file(path, meshes=False)
     assert [item.name for item in robot.geometry.geometryObjects] == ["ball"]
     with pytest.raises(RobotError, match=r"the body 'base' has no geom to measure from"):
@@ -100,7 +98,7 @@ def test_without_meshes(tmp_path: pathlib.Path) -> None:
         ('<box size="1 2"/>', r"link 'a' has a collision box with size '1 2'; it must be 3 numbers > 0\."),
         ('<sphere radius="0"/>', r"link 'a' has a collision sphere with radius '0'; it must be one number > 0\."),
         ('<capsule radius="1"/>', r"link 'a' has a collision capsule with length ''; it must be one number > 0\."),
-        ('<mesh filename="absent.stl"/>', r"'absent.stl', which is not there, .* can be left out with meshes=False"),
+        ('<mesh filename="absent.obj"/>', r"'absent.obj', which is not there, .* can be left out with meshes=False"),
         ('<mesh filename="m.urdf"/>', r"'m.urdf', which is not read: .* can be left out with meshes=False"),
     ],
 )
@@ -114,6 +112,7 @@ def test_errors(tmp_path: pathlib.Path, shape: str, message: str) -> None:
 
 def test_an_origin_that_is_no_position(tmp_path: pathlib.Path) -> None:
     path = tmp_path / "m.urdf"
-    path.write_text(f'<robot name="m">{link("a", SHAPES["box"], "xyz='1 2'")}{link("b")}{joint("j", "a", "b")}</robot>')
+    bent = link("a", SHAPES["box"], "xyz='1 2'")
+    path.write_text(f'<robot name="m">{bent}{link("b")}{joint("j", "a", "b")}</robot>')
     with pytest.raises(RobotError, match=r"origin has xyz '1 2'; it must be 3 numbers\."):
         PinocchioRobot.from_file(path)
