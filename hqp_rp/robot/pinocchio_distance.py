@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _TOLERANCE = 1e-9
-"""m, of coal's iteration between separated shapes; its nearest points are less exact than its distances."""
+"""m, of coal's iteration between separated shapes (GJK), whose nearest points are less exact than its distances. That for
+overlapping ones (EPA) keeps its own 1e-6: at 1e-8 it answered 2 of 1000 placements with a depth that was wrong by centimetres."""
 _NO_ANSWER = 1e300
 """m: coal says with the largest float that it found no depth."""
 
@@ -68,7 +69,7 @@ class PinocchioDistances:
             # Requests of our own: Pinocchio's begin where the last call ended, and the answer would depend on that.
             request = coal.DistanceRequest()
             if tolerance is not None:
-                request.gjk_tolerance = request.epa_tolerance = tolerance
+                request.gjk_tolerance = tolerance
             for i in range(len(found)):
                 data.distanceRequests[i] = request
         joints = [int(item.parentJoint) for item in self._geometry.geometryObjects]

@@ -41,6 +41,23 @@ def test_a_scene_in_both_libraries(tmp_path, a: str, b: str) -> None:
     assert apart >= 25
 
 
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [("box", "box"), ("box", "cylinder"), ("capsule", "cylinder"), ("cylinder", "cylinder"), ("capsule", "capsule")],
+)
+def test_depths_of_overlapping_shapes_in_both_libraries(tmp_path, a: str, b: str) -> None:
+    """At finer tolerances than those chosen, coal answers some of these placements with a depth that is wrong by much."""
+    robots = both(tmp_path / "scene.urdf", flying(SHAPES[a], SHAPES[b]))
+    theirs, ours = (distances_of(robot, [("body0", "body1")]) for robot in robots)
+    rng, overlapping = np.random.default_rng(1), 0
+    while overlapping < 150:
+        q = np.r_[0.15 * rng.normal(size=3), 2.0 * rng.normal(size=3), np.zeros(3), 2.0 * rng.normal(size=3)]
+        depth = ours.distances(q)[0]
+        if depth < 0.0:
+            overlapping += 1
+            assert depth == pytest.approx(theirs.distances(q)[0], abs=1e-5)
+
+
 @pytest.mark.parametrize("gap", [0.0, 1e-9, -1e-9, 1e-6, -1e-6])
 @pytest.mark.parametrize("other", SHAPES)
 def test_touching_shapes_have_a_normal(tmp_path, other: str, gap: float) -> None:
