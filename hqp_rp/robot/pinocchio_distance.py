@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _TOLERANCE = 1e-9
 """m, of coal's iteration between separated shapes (GJK), whose nearest points are less exact than its distances. That for
-overlapping ones (EPA) keeps its own 1e-6: at 1e-8 it answered 2 of 1000 placements with a depth that was wrong by centimetres."""
+overlapping ones (EPA) keeps its own 1e-6: at 1e-8 it answered 2 of 1000 placements with a depth wrong by centimetres."""
 _NO_ANSWER = 1e300
 """m: coal says with the largest float that it found no depth."""
 
