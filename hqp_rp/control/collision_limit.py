@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -12,12 +11,8 @@ from hqp_rp.control._approach import Approach, margin_of
 from hqp_rp.control._checks import positive_number
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.distance import Distances, Side, distances_of
 from hqp_rp.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from hqp_rp.robot.mujoco_distance import MujocoDistances
-
-Side: TypeAlias = str | Sequence[str]
 
 
 class CollisionLimit:
@@ -52,9 +47,12 @@ class CollisionLimit:
     The number of rows is the number of pairs at every step; a pair beyond `detection` has a row of zeros without bounds.
 
     Args:
-        pairs: pairs (a, b), each side the name of a geom or a body of the MuJoCo model, or a sequence of names; a body
-            stands for its geoms that collide. Every geom of a is kept away from every geom of b. A name that a geom and a
-            body bear is written "geom:NAME" or "body:NAME".
+        pairs: pairs (a, b). Each side is the name of a geom (for Pinocchio of a geometry object) or of a body (link), which
+            stands for its geoms that collide; a pattern of names such as "left_*"; or a sequence of these. Every geom of a is
+            kept away from every geom of b, but for those that the model's own collisions leave out: on one rigid body, on a
+            body and its parent (unless that is fixed to the world), excluded by the model. `[(arm, arm)]` keeps an arm away
+            from itself. A pair ("a", "b") of two geoms is kept in any case. A name that a geom and a body bear is written
+            "geom:NAME" or "body:NAME".
         margin: m, >= 0, the distance to keep.
         gain: 1/s, > 0. A step of more than 1/gain takes 1/dt instead.
         deceleration: A, m/s^2, > 0: the most that the approach may need to stop; infinite by default.
@@ -64,7 +62,8 @@ class CollisionLimit:
 
     Raises:
         SettingError: a value out of its range.
-        RobotError: when it meets a robot that MuJoCo does not compute, or a name that it does not have.
+        RobotError: when it meets a robot that neither MuJoCo nor Pinocchio computes or that has no geometry, a name that it
+            does not have, or when no pair is left.
 
     Source: Faverjon and Tournassoud 1987 (the velocity damper `rate = -gain e`); the deceleration and the way back are ours.
     """
@@ -92,7 +91,7 @@ class CollisionLimit:
                 f"the detection of {self._name!r} is {detection!r} m; it must be more than the margin, {self._margin:g} m."
             )
         self._bound: Robot | None = None
-        self._distances: MujocoDistances | None = None
+        self._distances: Distances | None = None
 
     @property
     def name(self) -> str:
@@ -118,12 +117,10 @@ class CollisionLimit:
         """The two geoms of each row."""
         return [f"{a} - {b}" for a, b in self.pairs(robot)]
 
-    def _meet(self, robot: Robot) -> MujocoDistances:
+    def _meet(self, robot: Robot) -> Distances:
         if self._distances is None or robot is not self._bound:
-            from hqp_rp.robot.mujoco_distance import MujocoDistances
-
             try:
-                self._distances = MujocoDistances(robot, self._pairs, detection=self._detection)  # type: ignore[arg-type]
+                self._distances = distances_of(robot, self._pairs, detection=self._detection)
             except RobotError as error:
                 raise RobotError(f"limit {self._name!r}: {error}") from None
             self._bound = robot

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
-from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.robot.mujoco_robot import MujocoRobot
+from hqp_rp.robot.distance import Side
+from hqp_rp.robot.geoms import pairs_of
+from hqp_rp.robot.mujoco_model import geoms_of
 
-Side = str | Sequence[str]
+if TYPE_CHECKING:
+    from hqp_rp.robot.mujoco_robot import MujocoRobot
 
 _TOUCHING = 1e-7
 """m: below this distance the line between the nearest points has no direction to be relied on."""
 _NUDGE = 1e-4
 """m: how far a touching geom is moved to find the direction in which it would leave."""
-_PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
-_HEIGHT_FIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
 
 
 class MujocoDistances:
@@ -37,36 +37,24 @@ class MujocoDistances:
 
     Args:
         robot: its model is used; it is not changed.
-        pairs: what is measured: pairs (a, b), each side the name of a geom or a body or a sequence of names. A body
-            stands for its geoms that collide (all of them where none does). Every geom of a against every geom of b.
-        detection: m, > 0: pairs farther apart are not looked at.
+        pairs: what is measured, see `hqp_rp.robot.geoms.pairs_of`. detection: m, > 0: pairs farther apart are not looked at.
 
     Attributes:
         geoms: (m, 2) pairs of geom ids, one row for each pair of geoms. names: their names.
         drift: (m,) m/s, how fast each distance changes by the motion of mocap bodies, at the last `evaluate`.
 
     Raises:
-        RobotError: an unknown or ambiguous name (geoms and bodies are listed), a pair of geoms that cannot move against
-            each other, or a kind of geom that MuJoCo cannot measure.
+        RobotError: as `pairs_of`.
     """
 
     def __init__(self, robot: MujocoRobot, pairs: Sequence[tuple[Side, Side]], *, detection: float = 1.0) -> None:
-        if not isinstance(robot, MujocoRobot):
-            raise RobotError(
-                f"distances between geoms need a robot that MuJoCo computes; this one is a {type(robot).__name__}. Load it "
-                "as hqp_rp.robot.MujocoRobot."
-            )
         self._robot = robot
         self._model = model = robot.model
         self._data = mujoco.MjData(model)
         self._detection = float(detection)
-        found: dict[tuple[int, int], None] = {}
-        for a, b in pairs:
-            for first, second in itertools.product(_geoms(model, a), _geoms(model, b)):
-                if (second, first) not in found:
-                    found[_measurable(model, first, second)] = None
-        self.geoms: tuple[tuple[int, int], ...] = tuple(found)
-        self.names = tuple((geom_name(model, a), geom_name(model, b)) for a, b in self.geoms)
+        geoms = geoms_of(model)
+        self.geoms = pairs_of(geoms, pairs)
+        self.names = tuple((geoms.shown[a], geoms.shown[b]) for a, b in self.geoms)
         self._fromto = np.empty(6)
         self._jacobians = np.empty((2, 3, int(model.nv)))
         self.drift = np.zeros(len(self.geoms))
@@ -132,49 +120,3 @@ class MujocoDistances:
             gradient[axis] = ends[0] - ends[1]
         size = float(np.linalg.norm(gradient))
         return gradient / size if 0.0 < size < np.inf else np.array([0.0, 0.0, 1.0])
-
-
-def geom_name(model: mujoco.MjModel, geom: int) -> str:
-    """The geom's name, or where it has none "geom 3 of BODY"."""
-    return model.geom(geom).name or f"geom {geom} of {model.body(model.geom_bodyid[geom]).name or 'an unnamed body'}"
-
-
-def _geoms(model: mujoco.MjModel, side: Side) -> list[int]:
-    names = [side] if isinstance(side, str) else list(side)
-    return list(dict.fromkeys(geom for name in names for geom in _named(model, name)))
-
-
-def _named(model: mujoco.MjModel, name: str) -> list[int]:
-    """The geoms that a name stands for."""
-    geoms = {model.geom(i).name: i for i in range(model.ngeom) if model.geom(i).name}
-    bodies = {model.body(i).name: i for i in range(model.nbody) if model.body(i).name}
-    kind, _, bare = str(name).partition(":")
-    as_geom = [geoms[name]] if name in geoms else [geoms[bare]] if kind == "geom" and bare in geoms else []
-    body = bodies.get(name, bodies.get(bare) if kind == "body" else None)
-    if body is None and not as_geom:
-        valid = (*geoms, *(f"body:{other}" if other in geoms else other for other in bodies))
-        raise RobotError(f"Distances: {unknown_name('geom or body', name, valid)}")
-    if body is None:
-        return as_geom
-    start, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
-    own = list(range(start, start + count)) if count else []
-    colliding = [i for i in own if model.geom_contype[i] or model.geom_conaffinity[i]] or own
-    if as_geom and as_geom != colliding:
-        raise RobotError(
-            f"Distances: {name!r} is both a geom and a body with other geoms: write 'geom:{name}' or 'body:{name}'."
-        )
-    if not colliding:
-        raise RobotError(f"Distances: the body {name!r} has no geom to measure from; name another body or a geom.")
-    return colliding
-
-
-def _measurable(model: mujoco.MjModel, a: int, b: int) -> tuple[int, int]:
-    shown = f"Distances: the pair {geom_name(model, a)!r}, {geom_name(model, b)!r}"
-    kinds = {int(model.geom_type[a]), int(model.geom_type[b])}
-    if _HEIGHT_FIELD in kinds or kinds == {_PLANE}:
-        what = "two planes" if kinds == {_PLANE} else "a height field"
-        raise RobotError(f"{shown} has {what}, whose distance MuJoCo does not compute; use a box or a mesh instead.")
-    weld = model.body_weldid
-    if weld[model.geom_bodyid[a]] == weld[model.geom_bodyid[b]]:
-        raise RobotError(f"{shown} is fixed on one rigid body, so that its distance never changes; leave it out.")
-    return a, b

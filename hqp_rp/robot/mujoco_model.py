@@ -1,4 +1,4 @@
-"""What a compiled MuJoCo model says of itself: name, limits, where its quaternions are, its geometry."""
+"""What a compiled MuJoCo model says of itself: name, limits, where its quaternions are, its geometry, its geoms."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.frames import frozen
+from hqp_rp.robot.geoms import Geoms, standing_geoms
 
 # Where the quaternion of a joint starts within its part of q.
 _QUATERNION = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
@@ -59,3 +60,33 @@ def position_limits(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
         if model.jnt_limited[j] and int(model.jnt_type[j]) in scalar:
             lower[model.jnt_dofadr[j]], upper[model.jnt_dofadr[j]] = model.jnt_range[j]
     return frozen(lower), frozen(upper)
+
+
+def geoms_of(model: mujoco.MjModel) -> Geoms:
+    """Names, bodies and collision filter of the geoms, as `mj_collision` has them; groups of bits are not looked at."""
+    count, body = int(model.ngeom), [int(b) for b in model.geom_bodyid]
+    names = [model.geom(i).name for i in range(count)]
+    standing = standing_geoms(body, [bool(model.geom_contype[i] or model.geom_conaffinity[i]) for i in range(count)])
+    rigid = [int(model.body_weldid[b]) for b in body]
+    filtered = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    own: dict[int, list[int]] = {b: [] for b in range(model.nbody)}
+    for i, b in enumerate(body):
+        own[b].append(i)
+    excluded = {
+        (min(a, b), max(a, b))
+        for signature in model.exclude_signature.tolist()
+        for a in own[signature >> 16]
+        for b in own[signature & 0xFFFF]
+    }
+    kinds = model.geom_type
+    return Geoms(
+        shown=[name or f"geom {i} of {model.body(body[i]).name or 'an unnamed body'}" for i, name in enumerate(names)],
+        names={name: i for i, name in enumerate(names) if name},
+        bodies={model.body(b).name: tuple(i for i in own[b] if standing[i]) for b in own if model.body(b).name},
+        standing=standing,
+        rigid=rigid,
+        parent=[int(model.body_weldid[model.body_parentid[r]]) if filtered else None for r in rigid],
+        excluded=frozenset(excluded),
+        planes=frozenset(i for i in range(count) if kinds[i] == mujoco.mjtGeom.mjGEOM_PLANE),
+        refused={i: "a height field" for i in range(count) if kinds[i] == mujoco.mjtGeom.mjGEOM_HFIELD},
+    )

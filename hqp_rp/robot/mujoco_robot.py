@@ -17,6 +17,7 @@ from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.coupling import couplings_of, limited_balls
 from hqp_rp.robot.dh import DHArm
+from hqp_rp.robot.distance import Distances, Side
 from hqp_rp.robot.frames import (
     FrameTable,
     Point,
@@ -262,6 +263,12 @@ class MujocoRobot(MujocoSurroundings):
     def frame_reader(self, names: tuple[str | Point, ...]) -> MujocoFrames:
         """Poses and Jacobians of these frames in arrays that are read again and again; see `Frames`."""
         return MujocoFrames(self, names)
+
+    def distances_between(self, pairs: Sequence[tuple[Side, Side]], *, detection: float = 1.0) -> Distances:
+        """Distances in m between these pairs of geoms; see `MujocoDistances`."""
+        from hqp_rp.robot.mujoco_distance import MujocoDistances
+
+        return MujocoDistances(self, pairs, detection=detection)
 
     def center_of_mass(self) -> FloatArray:
         """(3,) centre of mass of the bodies that can move, in the world. Raises `RobotError` where nothing can."""

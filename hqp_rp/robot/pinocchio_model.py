@@ -40,8 +40,10 @@ def arm_model(arm: DHArm) -> Any:
     return model
 
 
-def model_from_mujoco(source: mujoco.MjModel, joint_names: tuple[str, ...]) -> Any:
+def model_from_mujoco(source: mujoco.MjModel, joint_names: tuple[str, ...]) -> tuple[Any, list[tuple[int, Any]]]:
     """The `pinocchio.Model` of a compiled MuJoCo model: the same tree, inertias, armature, limits and gravity.
+
+    With it, of each body the joint that carries it, and its placement in that joint's frame.
 
     Hinges and slides keep their coordinate (the reference angle is put into the placement), several joints of one body
     become joints in a row, unnamed bodies stay. Equality constraints, tendons and actuators have no counterpart.
@@ -73,7 +75,7 @@ def model_from_mujoco(source: mujoco.MjModel, joint_names: tuple[str, ...]) -> A
             model.addFrame(pin.Frame(source.site(s).name, joint, 0, placement, pin.FrameType.OP_FRAME), False)
     model.armature = source.dof_armature.copy()
     model.damping = np.array(source.dof_damping).reshape(source.nv, -1)[:, 0].copy()
-    return model
+    return model, carriers
 
 
 def configuration_from_mujoco(source: mujoco.MjModel, qpos: FloatArray) -> FloatArray:

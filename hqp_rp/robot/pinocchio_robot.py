@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +18,9 @@ from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.coupling import couplings_of, limited_balls
 from hqp_rp.robot.dh import DHArm
+from hqp_rp.robot.distance import Distances, Side
 from hqp_rp.robot.frames import FrameTable, checked_limit, checked_vector, frozen, require_joints, require_velocity
+from hqp_rp.robot.geoms import Geoms
 from hqp_rp.robot.mesh_files import Meshes, checked_folders, checked_meshes
 from hqp_rp.robot.model_file import (
     Path,
@@ -30,6 +35,7 @@ from hqp_rp.robot.model_file import (
 from hqp_rp.robot.model_robot import ModelRobot
 from hqp_rp.robot.mujoco_file import mujoco_model
 from hqp_rp.robot.mujoco_model import keyframe, position_limits
+from hqp_rp.robot.pinocchio_geometry import geometry_from_mujoco, geometry_from_urdf, geometry_of_arm
 from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -59,9 +65,10 @@ class PinocchioRobot(ModelRobot):
         model: a `pinocchio.Model`; it is used, not copied, and must not be changed afterwards.
         velocity_limit: one number, (nv,) numbers or a mapping by joint name; default the model's own.
         neutral: (nq,) the reference configuration; default `pinocchio.neutral(model)`.
+        geometry: a `pinocchio.GeometryModel` of what may collide, for distances; used, not copied.
 
     Raises:
-        RobotError: a limit or a configuration that does not fit the model.
+        RobotError: a limit, a configuration or a geometry that does not fit the model.
 
     Warns:
         UserWarning: a neutral configuration outside the joint limits; ranges that look like degrees taken for radians, or
@@ -70,14 +77,24 @@ class PinocchioRobot(ModelRobot):
     A `pinocchio.Model` does not say whether limits [0, 0] were stated: they are taken for none. `from_file` knows.
     """
 
+    _geometry: Any | None = None
+    _geoms: Geoms | None = None
+
     def __init__(
         self,
         model: Any,
         *,
         velocity_limit: ArrayLike | Mapping[str, float] | None = None,
         neutral: ArrayLike | None = None,
+        geometry: Any | None = None,
     ) -> None:
         self._read(model, velocity_limit)
+        if not isinstance(geometry, pin.GeometryModel | None):
+            raise RobotError(
+                f"geometry is a {type(geometry).__name__}; give a pinocchio.GeometryModel, such as "
+                "pinocchio.buildGeomFromUrdf(model, path, pinocchio.GeometryType.COLLISION) makes."
+            )
+        self._geometry = geometry
         self._begin_at(neutral)
 
     def _read(self, model: Any, velocity_limit: ArrayLike | Mapping[str, float] | None) -> None:
@@ -124,7 +141,8 @@ class PinocchioRobot(ModelRobot):
     @classmethod
     def from_arm(cls, arm: DHArm) -> PinocchioRobot:
         """The robot of an arm, built from the same data as `MujocoRobot.from_arm`, without a file in between."""
-        return cls(arm_model(arm), neutral=arm.neutral)
+        model = arm_model(arm)
+        return cls(model, neutral=arm.neutral, geometry=geometry_of_arm(model, arm))
 
     @classmethod
     def from_file(
@@ -148,7 +166,8 @@ class PinocchioRobot(ModelRobot):
         Args:
             path: the file.
             floating_base: for a URDF, put the root link on a free flyer "root_joint".
-            meshes, package_paths: for an MJCF, as in `MujocoRobot.from_file`; a URDF's mesh files are never needed here.
+            meshes, package_paths: as in `MujocoRobot.from_file`. Of a URDF only the meshes of `<collision>` elements are read,
+                and not before a distance is asked for: see `geometry_from_urdf`.
             repair_inertias: for an MJCF, as in `MujocoRobot.from_file`; Pinocchio takes a URDF's inertias as they are.
             velocity_limit: one number, (nv,) numbers or a mapping by joint name; default: the URDF's, else infinite.
             neutral: (nq,) the reference configuration, or the name of an MJCF's keyframe; default MuJoCo's `qpos0`, or
@@ -172,14 +191,18 @@ class PinocchioRobot(ModelRobot):
                 repair_inertias=repair_inertias,
             )
             return cls.from_mujoco(source, velocity_limit=velocity_limit, neutral=neutral)
-        parse_urdf(path)
+        tree = parse_urdf(path)
         urdf_velocity_limits(path, warn=velocity_limit is None)
         stated = urdf_position_limits(path)
         if floating_base:
             require_floatable(path)
         try:
             root = [pin.JointModelFreeFlyer()] if floating_base else []
-            model = pin.buildModelFromUrdf(os.fspath(path), *root)
+            # Without shapes, which are read here: Pinocchio's reader knows fewer, and complains of the others.
+            for link in tree.iterfind("link"):
+                for shape in [*link.findall("visual"), *link.findall("collision")]:
+                    link.remove(shape)
+            model = pin.buildModelFromXML(ElementTree.tostring(tree, encoding="unicode"), *root)
         except (ValueError, RuntimeError) as error:
             raise RobotError(
                 f"Pinocchio does not read {os.fspath(path)!r}: {one_line(error)} Its reader names the reason on stderr."
@@ -187,6 +210,7 @@ class PinocchioRobot(ModelRobot):
         robot = cls.__new__(cls)
         robot._read(model, velocity_limit)
         robot._couplings = urdf_mimics(path)
+        robot._geometry = functools.partial(geometry_from_urdf, model, path, meshes=meshes, package_paths=folders)
         lower, upper = robot._lower.copy(), robot._upper.copy()
         for name, limits in stated.items():
             i = int(model.idx_vs[model.getJointId(name)])
@@ -213,7 +237,9 @@ class PinocchioRobot(ModelRobot):
             q = source.qpos0 if neutral is None else keyframe(source, neutral)
             neutral = configuration_from_mujoco(source, q)
         robot = cls.__new__(cls)
-        robot._read(model_from_mujoco(source, names), velocity_limit)
+        model, carriers = model_from_mujoco(source, names)
+        robot._read(model, velocity_limit)
+        robot._geometry, robot._geoms = geometry_from_mujoco(source, carriers)
         robot._couplings, robot._loops = couplings_of(source)
         robot._limited_balls = limited_balls(source)
         robot._lower, robot._upper = position_limits(source)
@@ -229,6 +255,33 @@ class PinocchioRobot(ModelRobot):
     def model(self) -> Any:
         """The `pinocchio.Model`."""
         return self._model
+
+    @property
+    def geometry(self) -> Any:
+        """The `pinocchio.GeometryModel` of what may collide. Raises `RobotError` where there is none.
+
+        Collision pairs added to it, less those that an SRDF removes (`pinocchio.removeCollisionPairs`), are the only ones
+        that groups and bodies have then; see `hqp_rp.robot.geoms.pairs_of`.
+        """
+        if self._geometry is None:
+            raise RobotError(
+                f"{self._name} has no collision geometry: load the robot with PinocchioRobot.from_file, or give "
+                "PinocchioRobot(model, geometry=...) a pinocchio.GeometryModel."
+            )
+        if isinstance(self._geometry, functools.partial):
+            self._geometry = self._geometry()
+        return self._geometry
+
+    @property
+    def mujoco_geoms(self) -> Geoms | None:
+        """Names and collision filter of the geometry as MuJoCo states them, for a model that was made from MuJoCo's."""
+        return self._geoms
+
+    def distances_between(self, pairs: Sequence[tuple[Side, Side]], *, detection: float = 1.0) -> Distances:
+        """Distances in m between these pairs of the geometry's objects; see `PinocchioDistances`."""
+        from hqp_rp.robot.pinocchio_distance import PinocchioDistances
+
+        return PinocchioDistances(self, pairs, detection=detection)
 
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
@@ -308,7 +361,10 @@ class PinocchioRobot(ModelRobot):
         return np.array(pin.difference(self._model, self._checked(q0, "q0"), self._checked(q1, "q1")))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        stated = {name: getattr(self, name) for name in ("_lower", "_upper", "_couplings", "_loops", "_limited_balls")}
+        with contextlib.suppress(RobotError):  # meshes that are not there: whoever asks for distances is told
+            _ = None if self._geometry is None else self.geometry
+        parts = ("_lower", "_upper", "_couplings", "_loops", "_limited_balls", "_geometry", "_geoms")
+        stated = {name: getattr(self, name) for name in parts}
         return _rebuild, (self._model, self._velocity_limit, self._neutral, self._q, stated)
 
     def __repr__(self) -> str:

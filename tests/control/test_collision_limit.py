@@ -15,6 +15,7 @@ from hqp_rp.core.solution import Status
 from hqp_rp.core.solver import get_solver
 from hqp_rp.robot import MujocoRobot
 from tests.control.chain import random_chain
+from tests.robot.scene import SHAPES, both, joint, link
 
 SIZES = {
     "sphere": ".1",
@@ -193,6 +194,45 @@ def test_an_arm_in_closed_loop_keeps_its_distance_but_for_what_turning_costs() -
     assert nearest_in_closed_loop(robot, soft, limit, 0.02) == pytest.approx(0.02 - lost[0.02], abs=1e-6)
 
 
+def two_arms() -> str:
+    """URDF: two planar arms of three capsules each, with room to meet, and a box that does not move."""
+    text = '<robot name="arms">' + link("base", SHAPES["box"])
+    for side, x, turn in (("left", -0.45, "1"), ("right", 0.45, "-1")):
+        parent, place = "base", f"{x} 0.3 0"
+        for i in (1, 2, 3):
+            shape, origin = '<capsule radius="0.03" length="0.3"/>', 'xyz="0 0.15 0" rpy="1.5707963267948966 0 0"'
+            text += link(f"{side}_{i}", shape, origin)
+            text += joint(f"{side}_joint_{i}", parent, f"{side}_{i}", axis=f"0 0 {turn}", xyz=place)
+            parent, place = f"{side}_{i}", "0 0.36 0"
+        text += link(f"{side}_tool") + joint(f"{side}_end", parent, f"{side}_tool", xyz="0 0.36 0").replace(
+            "revolute", "fixed"
+        )
+    return text + "</robot>"
+
+
+def test_a_group_against_itself_is_kept_apart_alike_in_both_libraries(tmp_path) -> None:
+    robots = both(tmp_path / "arms.urdf", two_arms())
+    group, dt, runs = ["left_*", "right_*"], 0.01, []
+    for robot in robots:
+        limit = CollisionLimit([(group, group), (group, "base")], margin=0.03, gain=5.0)
+        # Each arm's first and third link, each link of one with each of the other, each link with what is fixed.
+        assert len(limit.pairs(robot)) == 1 + 1 + 9 + 6
+        tools = [PositionTask("left_tool", [0.3, 0.9, 0], axes="xy", gain=2.0)]
+        tools += [PositionTask("right_tool", [-0.3, 0.9, 0], axes="xy", gain=2.0)]
+        stack = Stack([limit, tools, PostureTask(np.zeros(6))], limits=[JointLimit()])
+        solver, q, nearest = get_solver("qp_cascade"), np.full(6, 0.1), []
+        for _ in range(200):
+            robot.update(q)
+            nearest.append(limit.distances(robot).min())
+            q = robot.integrate(q, solver.solve(stack.problem(robot, dt)).require(), dt)
+        assert tools[0].error(robot)[0] ** 2 > 0.05  # it is the limit that holds them back
+        runs.append(np.array(nearest))
+    np.testing.assert_allclose(runs[1], runs[0], atol=1e-6)
+    for nearest in runs:
+        assert 0.029 < nearest.min() < 0.033
+        assert nearest[0] > 0.2
+
+
 def test_what_names_mean() -> None:
     robot = MujocoRobot(
         mujoco.MjModel.from_xml_string(
@@ -214,7 +254,8 @@ def test_what_names_mean() -> None:
     assert pairs(("shown", "floor")) == (("shown", "floor"),)
     assert pairs(("elbow", "floor"), ("floor", "elbow")) == (("hand2", "floor"), ("other", "floor"))
     assert pairs(("geom:other", "floor"), ("body:other", "floor")) == (("other", "floor"), ("only", "floor"))
-    assert pairs((["finger", "shown"], ["floor", "only"]))[1] == ("finger", "only")
+    assert pairs((["finger", "shown"], ["floor", "only"])) == (("finger", "floor"), ("shown", "floor"))
+    assert pairs((["elbow"], ["floor", "only"]))[1] == ("hand2", "only")
     for given_pair, message in (
         (
             ("hnad", "floor"),
@@ -222,15 +263,18 @@ def test_what_names_mean() -> None:
         ),
         (("other", "floor"), r"'other' is both a geom and a body with other geoms: write 'geom:other' or 'body:other'"),
         (("bare", "floor"), r"the body 'bare' has no geom to measure from"),
-        (("hand", "finger"), r"the pair 'shell', 'finger' is fixed on one rigid body"),
-        (("floor", "floor"), r"has two planes, whose distance MuJoCo does not compute"),
+        (("hand", "finger"), r"no pair of geoms is left of \[\('hand', 'finger'\)\] \(2 on one rigid body\)"),
+        (("shell", "finger"), r"the pair 'shell', 'finger' is fixed on one rigid body"),
+        (("floor", "floor"), r"has two planes, whose distance is not computed"),
     ):
         with pytest.raises(RobotError, match=message):
             pairs(given_pair)
 
 
 def test_another_robot_library() -> None:
-    with pytest.raises(RobotError, match=r"need a robot that MuJoCo computes; this one is a Chain"):
+    with pytest.raises(
+        RobotError, match=r"limit 'collision': distances .* that MuJoCo or Pinocchio computes; this one is a Chain"
+    ):
         CollisionLimit([("a", "b")]).rows(random_chain(np.random.default_rng(0)), 0.01, None)
 
 

@@ -138,7 +138,8 @@ def test_meshes_can_be_left_out(tmp_path, library):
         load_robot(path, library, meshes=False)
 
 
-def test_meshes_of_a_urdf_can_be_left_out(tmp_path):
+@libraries
+def test_meshes_of_a_urdf_can_be_left_out(tmp_path, library):
     path = tmp_path / "model.urdf"
     mesh = '<visual><geometry><mesh filename="package://nowhere/absent.dae"/></geometry></visual>'
     path.write_text(
@@ -149,6 +150,12 @@ def test_meshes_of_a_urdf_can_be_left_out(tmp_path):
     ):
         load_robot(path)
     robot, other = load_robot(path, meshes=False), load_robot(path, "pinocchio")
+    with pytest.raises(RobotError, match=r"absent.dae.* Its mesh files can be left out with meshes=False"):
+        other.distances_between([("tool", "base")])
+    with pytest.raises(RobotError, match="'tool'"):  # has no shape left
+        load_robot(path, "pinocchio", meshes=False).distances_between([("tool", "base")])
+    with pytest.warns(UserWarning, match="1 of 1 mesh files are left out, 1 not found"), pytest.raises(RobotError):
+        load_robot(path, "pinocchio", meshes="if found").distances_between([("tool", "base")])
     np.testing.assert_allclose(robot.pose("tool")[1], other.pose("tool")[1], atol=1e-12)
 
 

@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hqp_rp.core.errors import RobotError
-from hqp_rp.robot import MujocoRobot, PinocchioRobot, sawyer
+from hqp_rp.robot import MujocoRobot, sawyer
 from hqp_rp.robot.mujoco_distance import MujocoDistances
 
 MODEL = """
@@ -72,8 +71,3 @@ def test_the_robot_is_left_as_it_was(robot: MujocoRobot) -> None:
 def test_bodies_and_geoms_of_the_same_name_are_one_on_the_arms() -> None:
     robot = MujocoRobot.from_arm(sawyer())
     assert MujocoDistances(robot, [("link1", "link7")]).names == (("link1", "link7"),)
-
-
-def test_it_needs_a_mujoco_robot() -> None:
-    with pytest.raises(RobotError, match=r"this one is a PinocchioRobot"):
-        MujocoDistances(PinocchioRobot.from_arm(sawyer()), [("link1", "link7")])
