@@ -98,7 +98,7 @@ def test_without_meshes(tmp_path: pathlib.Path) -> None:
         ('<box size="1 2"/>', r"link 'a' has a collision box with size '1 2'; it must be 3 numbers > 0\."),
         ('<sphere radius="0"/>', r"link 'a' has a collision sphere with radius '0'; it must be one number > 0\."),
         ('<capsule radius="1"/>', r"link 'a' has a collision capsule with length ''; it must be one number > 0\."),
-        ('<mesh filename="absent.obj"/>', r"'absent.obj', which is not there, .* can be left out with meshes=False"),
+        ('<mesh filename="absent.obj"/>', r"'absent.obj', which is not there: .* can be left out with meshes=False"),
         ('<mesh filename="m.urdf"/>', r"'m.urdf', which is not read: .* can be left out with meshes=False"),
     ],
 )
