@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.report import listing, number, share
+from hqp_rp.compare.report import counted, listing, number, share
 from hqp_rp.compare.study import BOUNDED, CLEAR, PARTING, Case, Outcome
 from hqp_rp.core.damping import NoDamping
 
@@ -90,7 +90,7 @@ def _honesty(cases: Sequence[Case]) -> str:
             "Statuses were honest: the certificate confirmed every step that a method which claims to be lexicographic "
             "called SOLVED."
         )
-    named = [f"{label} on {count} steps" for label, count in false.items()]
+    named = [f"{label} on {counted(count, 'step')}" for label, count in false.items()]
     return f"The certificate refuted SOLVED, from a method that claims to be lexicographic there, by {listing(named)}."
 
 
@@ -198,10 +198,12 @@ def claims_summary(verdicts: Sequence[Verdict]) -> str:
     """One sentence on the claims: in how many cases each held."""
     parts = []
     for claim in dict.fromkeys(verdict.claim for verdict in verdicts if verdict.claim != DAMPED):
-        of_claim = [verdict for verdict in verdicts if verdict.claim == claim]
+        of_claim = [verdict for verdict in verdicts if verdict.claim == claim and verdict.holds != "-"]
         held = [verdict for verdict in of_claim if verdict.holds == "yes"]
         words = f"{claim[0].lower()}{claim[1:]}"
-        if len(held) == len(of_claim):
+        if not of_claim:
+            parts.append(f"'{words}' could not be judged")
+        elif len(held) == len(of_claim):
             parts.append(f"'{words}' holds in every case")
         elif held:
             parts.append(f"'{words}' holds in {len(held)} of {len(of_claim)} cases ({'; '.join(v.case for v in held)})")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from hqp_rp.compare.limits_study import COUNTS, LimitCase, LimitOutcome, Violation
-from hqp_rp.compare.report import listing, number, share
+from hqp_rp.compare.report import counted, listing, number, share
 from hqp_rp.core.solution import Status
 
 OPEN = (
@@ -60,8 +60,8 @@ def _keepers(cases: Sequence[LimitCase]) -> str:
         which = f"{some} {taken}" if taken == len(cases) else f"{some} the {taken} that they take"
         parts.append(f"in {which} by {listing(labels)}")
     return (
-        f"Of {len(cases)} cases whose problem holds the limits, all limits were kept, to {number(COUNTS)} at every step, "
-        f"{'; '.join(parts)}."
+        f"Of {counted(len(cases), 'case')} whose problem holds the limits, all limits were kept, to {number(COUNTS)} at every "
+        f"step, {'; '.join(parts)}."
     )
 
 
@@ -152,7 +152,7 @@ def _honesty(cases: Sequence[LimitCase]) -> str:
                 false[outcome.label] = false.get(outcome.label, 0) + outcome.outcome.false_claims
     if not false:
         return "The certificate refuted no SOLVED of a method that claims to be lexicographic."
-    named = [f"{label} on {count} steps" for label, count in false.items()]
+    named = [f"{label} on {counted(count, 'step')}" for label, count in false.items()]
     return f"The certificate refuted SOLVED, from a method that claims to be lexicographic there, by {listing(named)}."
 
 

@@ -137,6 +137,11 @@ def share(value: float | None) -> str:
     return f"{min(max(100.0 * value, 0.1), 99.9):.1f} %"
 
 
+def counted(count: int, noun: str) -> str:
+    """How many of something: 1 path, 2 paths."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def listing(names: Sequence[str]) -> str:
     """Names as a sentence has them: a, b and c."""
     names = list(names)

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.findings import DAMPED, FREE, SAME, UNDISTURBED, Verdict, is_null_space, is_reverse
-from hqp_rp.compare.report import listing, number, share
+from hqp_rp.compare.report import counted, listing, number, share
 from hqp_rp.compare.stress_plan import KINDS, LIMITS, RANDOM
 from hqp_rp.compare.stress_summary import Case, Summary, largest, quantile, sigma_of_bins
 from hqp_rp.compare.study import BOUNDED, CLEAR, KEPT, PARTING
@@ -36,13 +37,15 @@ def _atlas(test: Stress) -> str:
     plan = test.plan
     if not test.catalogue:
         return "The search found no singular configuration within the joint limits; every sample is drawn at random."
-    counts = [f"{case.places} of {case.title}" for case in test.summary.cases]
+    approached = [(plan.places[i].level, plan.places[i].kind.name) for i in plan.order[: plan.paths]]
+    counts = [
+        f"{own} of {case.title}" for case in test.summary.cases if (own := approached.count((case.level, case.kind)))
+    ]
     rest = len(test.catalogue) - len(plan.places)
     beyond = f" {rest} more cannot be approached within the joint limits." if rest else ""
-    return (
-        f"The search found {len(test.catalogue)} singular configurations; {plan.paths} paths lead to "
-        f"{listing(counts) or 'none of them'}.{beyond}"
-    )
+    found, paths = counted(len(test.catalogue), "singular configuration"), counted(plan.paths, "path")
+    verb = "leads" if plan.paths == 1 else "lead"
+    return f"The search found {found}; {paths} {verb} to {listing(counts) or 'none of them'}.{beyond}"
 
 
 def _anywhere(summary: Summary) -> str:
@@ -111,18 +114,53 @@ def level_error(summary: Summary, c: int, k: int, level: int, *, clear: bool = F
 def _both(summary: Summary) -> str:
     if not summary.cases:
         return ""
-    every = range(len(summary.cases))
-    found = [
-        label
-        for k, label in enumerate(summary.labels)
-        if all(level_error(summary, c, k, 0) <= KEPT and growth(summary, c, k) <= BOUNDED for c in every)
-    ]
-    what = (
-        f"level 1 to a relative {number(KEPT)} and |x| within {BOUNDED:g} times what is needed far from the singularity"
-    )
-    if not found:
-        return f"No solver keeps both {what}, on every path."
-    return f"{listing(found)} {'keeps' if len(found) == 1 else 'keep'} both {what}, on every path."
+    sentences = []
+    both = [c for c in range(len(summary.cases)) if far_norm(summary, c) > 0.0]
+    alone = [c for c in range(len(summary.cases)) if c not in both]
+    what = f"level 1 to a relative {number(KEPT)}"
+    # Where no sample lies far from the singularity, there is nothing to compare |x| with.
+    for cases, growing in ((both, True), (alone, False)):
+        judged = [c for c in cases if any(not math.isnan(level_error(summary, c, k, 0)) for k in _every(summary))]
+        if not judged:
+            continue
+        found = [
+            label
+            for k, label in enumerate(summary.labels)
+            if all(_keeps(summary, c, k, 0) and (not growing or growth(summary, c, k) <= BOUNDED) for c in judged)
+        ]
+        where = (
+            "on every path" if not alone or not both else f"towards {listing([summary.cases[c].title for c in judged])}"
+        )
+        full = (
+            f"both {what} and |x| within {BOUNDED:g} times what is needed far from the singularity" if growing else what
+        )
+        verb = "keeps" if len(found) < 2 else "keep"
+        sentences.append(f"{listing(found) or 'No solver'} {verb} {full}, {where}.")
+        if not growing:
+            sizes = [
+                f"{label} {number(largest(np.stack([_norms(summary, c, k) for c in judged])))}"
+                for k, label in enumerate(summary.labels)
+                if label in found
+            ]
+            told = f"; the largest: {listing(sizes)}" if sizes else ""
+            sentences.append(
+                f"There |x| is compared with nothing, since no sample lies at sigma >= {FAR_FROM:g}{told}."
+            )
+    return " ".join(sentences)
+
+
+def _every(summary: Summary) -> range:
+    return range(len(summary.labels))
+
+
+def _keeps(summary: Summary, c: int, k: int, level: int) -> bool:
+    """Whether the contestant keeps the level where it was judged; a nan, nothing judged, is not against it."""
+    error = level_error(summary, c, k, level)
+    return math.isnan(error) or error <= KEPT
+
+
+def _norms(summary: Summary, c: int, k: int) -> NDArray[np.int64]:
+    return np.asarray(summary.along[c][summary.quantities.index("x_norm"), k])
 
 
 def _jumps(summary: Summary) -> str:
@@ -184,6 +222,8 @@ def _undisturbed(test: Stress, c: int, k: int) -> tuple[str, str]:
 
 def _free(test: Stress, c: int, k: int) -> tuple[str, str]:
     times = growth(test.summary, c, k)
+    if math.isnan(times):
+        return "-", f"not known: no sample lies at sigma >= {FAR_FROM:g}"
     evidence = f"|x| up to {number(times)} times the largest |x*| far from the singularity"
     classic = _first(test.plan.contestants, is_null_space)
     if classic is not None:
@@ -197,6 +237,8 @@ def _damped(summary: Summary, c: int, k: int) -> tuple[str, str]:
         f"{summary.labels[k]}: relative error of level 1 at most {number(error)}, of level 2 "
         f"{number(level_error(summary, c, k, 1))}, |x| up to {number(times)} times"
     )
+    if math.isnan(error) or math.isnan(times):
+        return "-", f"not known: no sample lies at sigma >= {FAR_FROM:g}"
     return ("yes" if error <= KEPT and times <= BOUNDED else "no"), evidence
 
 
@@ -222,10 +264,17 @@ def case_sentences(summary: Summary, c: int) -> tuple[str, ...]:
     """What happened on the paths of case c, level by level and in size."""
     sentences = []
     for level, name in enumerate(summary.levels):
-        kept = [label for k, label in enumerate(summary.labels) if level_error(summary, c, k, level) <= KEPT]
+        errors = {label: level_error(summary, c, k, level) for k, label in enumerate(summary.labels)}
+        if all(math.isnan(error) for error in errors.values()):
+            sentences.append(f"{name}: no sample on these paths could be judged.")
+            continue
+        kept = [label for label, error in errors.items() if error <= KEPT]
         sentences.append(
             f"{name} is kept to a relative {number(KEPT)} on every path by {listing(kept) or 'no solver'}."
         )
+    if not far_norm(summary, c) > 0.0:
+        sentences.append(f"No sample lies at sigma >= {FAR_FROM:g}: |x| is compared with nothing.")
+        return tuple(sentences)
     grown = [
         f"{label} ({number(growth(summary, c, k))} times)"
         for k, label in enumerate(summary.labels)

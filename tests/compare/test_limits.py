@@ -107,7 +107,7 @@ def test_refusals_and_failures_are_told_apart(hard: LimitCase) -> None:
 def test_the_answer_follows_the_figures(found: Comparison) -> None:
     words = " ".join(found.answer)
     assert found.answer == limits_answer(found.limits)
-    assert "Of 1 cases whose problem holds the limits" in words
+    assert "Of 1 case whose problem holds the limits" in words
     assert "in all 1 by lazy, stuck and exact; in none of 1 by careless." in words
     assert "bounded, hard: position by careless (0.5 rad, for 2 s)" in words
     assert "velocity by careless (1 rad/s, for 1 s)" in words
