@@ -27,11 +27,12 @@ class Style:
 
 
 def styles(groups: Sequence[Sequence[str]]) -> dict[str, Style]:
-    """Label -> style. Colours are told apart within a group, and charts never mix groups in one panel."""
-    found = {}
+    """Label -> style: no colour twice in a group of up to seven, and no two contestants alike in colour and dash up to 21."""
+    found: dict[str, Style] = {}
     for group in groups:
-        for i, label in enumerate(group):
-            found[label] = Style(COLOURS[i % len(COLOURS)], DASHES[i // len(COLOURS) % len(DASHES)], i)
+        for rank, label in enumerate(group):
+            i = len(found)
+            found[label] = Style(COLOURS[i % len(COLOURS)], DASHES[i // len(COLOURS) % len(DASHES)], rank)
     return found
 
 

@@ -60,12 +60,11 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
     for r, panels in enumerate(chart.panels):
         for c, lines in enumerate(panels):
             for line in sorted(lines, key=lambda line: styles[line.label].rank):
+                if line.label not in seen:
+                    title = None if any(other in seen for other in _labels(chart, c)) else chart.columns[c]
+                    figure.add_trace(_in_legend(line.label, styles[line.label], title), row=r + 1, col=c + 1)
+                    seen.add(line.label)
                 for trace in _traces(chart, r, line.label, line, styles[line.label], len(lines)):
-                    if line.label not in seen and trace.name:
-                        trace.showlegend = True
-                        if not any(other in seen for other in _labels(chart, c)):
-                            trace.legendgrouptitle = {"text": f"<b>{chart.columns[c]}</b>"}
-                        seen.add(line.label)
                     figure.add_trace(trace, row=r + 1, col=c + 1)
         low, high = chart.limits(r)
         scale = (
@@ -75,10 +74,13 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
         figure.update_yaxes(title_text=chart.rows[r].replace("\n", "<br>"), row=r + 1, col=1)
     figure.update_xaxes(gridcolor=_GRID, zeroline=False, showgrid=True)
     if chart.log_x:
-        figure.update_xaxes(type="log", exponentformat="power", dtick=2)
+        figure.update_xaxes(type="log", exponentformat="power", dtick=_decades(chart), tickangle=0)
     if chart.reverse_x:
         figure.update_xaxes(autorange="reversed")
-    figure.update_xaxes(title_text=chart.x_label, title_font={"size": 11}, row=rows)
+    figure.add_annotation(
+        text=chart.x_label, x=0.5, xref="paper", xanchor="center", y=0.0, yref="paper", yanchor="top", yshift=-22,
+        showarrow=False, font={"size": 11},
+    )  # fmt: skip
     for at, words in chart.marks:
         figure.add_vline(x=at, line={"color": _GREY, "width": 1, "dash": "dot"})
         figure.add_annotation(
@@ -91,6 +93,23 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
         legend={"tracegroupgap": 2, "groupclick": "togglegroup", "font": {"size": 11}},
     )
     return figure
+
+
+def _in_legend(label: str, style: Style, title: str | None) -> Any:
+    """The entry of a contestant in the legend, whatever there is to draw of it; `title` of the group that it begins."""
+    group = None if title is None else {"text": f"<b>{title}</b>"}
+    return go.Scatter(
+        x=[None], y=[None], mode="lines", name=label, legendgroup=label, legendgrouptitle=group, showlegend=True,
+        line={"color": style.colour, "dash": style.dash, "width": 2.5},
+    )  # fmt: skip
+
+
+def _decades(chart: Lines) -> int:
+    """Decades from tick to tick, so that a column has four or five of them."""
+    values = np.concatenate([line.x for panels in chart.panels for lines in panels for line in lines] or [np.ones(1)])
+    values = values[values > 0.0]
+    span = math.log10(float(values.max()) / float(values.min())) if values.size else 1.0
+    return max(1, math.ceil(span / (4 if len(chart.columns) > 2 else 8)))
 
 
 def _labels(chart: Lines, column: int) -> set[str]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import pathlib
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hqp_rp.compare.chart import Chart, Style
 from hqp_rp.compare.run_folder import write_atomically
+
+_EXPONENT = re.compile(r"-?\d[\d.]*e[+-]?\d+")
 
 FILES = ("report.html", "report.md", "figures", "results")
 """What a report's folder holds beside its manifest and its parts."""
@@ -42,13 +45,29 @@ class Section:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class Opening:
+    """The first screen: (need, which solver), at most three (number, what it is), and the name of one of the charts."""
+
+    advice: tuple[tuple[str, str], ...]
+    numbers: tuple[tuple[str, str], ...]
+    chart: str
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class Report:
-    """The whole: a title, the question, and sections; and how each contestant is drawn."""
+    """The whole: a title, the question, and sections; how each contestant is drawn; what is said first."""
 
     title: str
     question: str
     sections: tuple[Section, ...]
     styles: Mapping[str, Style]
+    opening: Opening | None = None
+
+    @property
+    def picture(self) -> Chart | None:
+        """The chart of the opening; the sections then show it no more."""
+        name = self.opening.chart if self.opening else ""
+        return next((chart for chart in self.charts() if chart.name == name), None)
 
     def charts(self) -> list[Chart]:
         """Every chart, in the order in which the report shows them."""
@@ -104,7 +123,7 @@ def _drawn(chart: Chart, styles: dict[str, Style]) -> tuple[bytes, str]:
 def _environment() -> Any:
     import jinja2
 
-    return jinja2.Environment(
+    environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent / "templates"),
         autoescape=lambda name: name is not None and name.endswith(".html.j2"),
         trim_blocks=True,
@@ -112,6 +131,15 @@ def _environment() -> Any:
         keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
+    environment.filters["numbers"] = _kept_together
+    return environment
+
+
+def _kept_together(text: str) -> Any:
+    """The text for a page, where no number breaks at the minus of its exponent."""
+    import markupsafe
+
+    return markupsafe.Markup(_EXPONENT.sub(r'<span class="n">\g<0></span>', str(markupsafe.escape(text))))
 
 
 def number(value: float | None, digits: int = 2) -> str:

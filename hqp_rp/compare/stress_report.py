@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pathlib
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from hqp_rp.compare.chart import Chart, Line, Lines, styles
 from hqp_rp.compare.findings import DAMPED
 from hqp_rp.compare.machine import machine, versions
+from hqp_rp.compare.openings import opening_of_stress
 from hqp_rp.compare.panels import grouped
 from hqp_rp.compare.report import Report, Section, Table, number, share
 from hqp_rp.compare.stress_findings import (
@@ -51,7 +53,21 @@ _CANNOT_TELL = (
 def stress_report(test: Stress) -> Report:
     """The whole report of a stress test, as data."""
     verdicts = claims(test)
-    sections = [Section("The answer", answer(test), listed=True)]
+    sections = [
+        Section("The answer", answer(test), listed=True),
+        Section("What this cannot tell", _CANNOT_TELL, listed=True),
+        Section(
+            "Towards the singularities",
+            (
+                f"Paths of {PER_DECADE} samples a decade lead from sigma = {FAR:g}, or the largest on their line, to {NEAR:g}.",
+            )
+            if test.summary.cases
+            else ("There are no paths.",),
+            sections=tuple(_case(test.summary, c, test) for c in range(len(test.summary.cases))),
+        ),
+        Section("Performance profiles", charts=(_profiles(test),)),
+    ]
+    opening = opening_of_stress(test, sections)
     if verdicts:
         rows = tuple((verdict.claim, verdict.case, verdict.holds, verdict.evidence) for verdict in verdicts)
         caption = (
@@ -69,27 +85,16 @@ def stress_report(test: Stress) -> Report:
         )
         sections.append(Section("What the paper on reverse priority claims", tables=(table,)))
     sections += [
-        Section("What this cannot tell", _CANNOT_TELL, listed=True),
-        Section(
-            "Towards the singularities",
-            (
-                f"Paths of {PER_DECADE} samples a decade lead from sigma = {FAR:g}, or the largest on their line, to {NEAR:g}.",
-            )
-            if test.summary.cases
-            else ("There are no paths.",),
-            sections=tuple(_case(test.summary, c, test) for c in range(len(test.summary.cases))),
-        ),
-        Section("Performance profiles", charts=(_profiles(test),)),
         Section("All samples", tables=(_outcomes(test.summary), *_statuses(test))),
         Section("Worst cases", tables=(_worst(test),)),
         Section("Settings", tables=(_atlas(test), _solvers(test), _settings(test))),
     ]
     labels = [names for _, names in grouped(test.plan.contestants)]
-    title = f"hqp_rp: {test.plan.model} under stress"
+    title = f"hqp_rp: {pathlib.PurePath(test.plan.model).name} under stress"
     question = (
         f"Which solver can be trusted near the singularities of {' > '.join(test.levels)}, and where does each fail?"
     )
-    return Report(title, question, tuple(sections), styles(labels))
+    return Report(title, question, tuple(sections), styles(labels), opening)
 
 
 def _case(summary: Summary, c: int, test: Stress) -> Section:

@@ -13,6 +13,7 @@ from hqp_rp.compare.limits_figures import limit_charts
 from hqp_rp.compare.limits_findings import limit_sentences
 from hqp_rp.compare.limits_tables import limit_tables
 from hqp_rp.compare.machine import machine, versions
+from hqp_rp.compare.openings import opening_of_comparison
 from hqp_rp.compare.panels import grouped
 from hqp_rp.compare.report import Report, Section, Table, number, share
 from hqp_rp.compare.study import BOUNDED, KEPT, PARTING, Case
@@ -37,12 +38,15 @@ def comparison_report(comparison: Comparison) -> Report:
     """The whole report of a comparison, as data."""
     cases = comparison.without_limits
     verdicts = claims(cases)
-    sections = [Section("The answer", comparison.answer)]
+    sections = [
+        Section("The answer", comparison.answer),
+        Section("What this cannot tell", _limits(comparison), listed=True),
+        Section("Figures", sections=tuple(_figures(scenario, comparison) for scenario in comparison.scenarios)),
+    ]
+    opening = opening_of_comparison(comparison, sections)
     if verdicts:
         sections.append(Section("What the paper on reverse priority claims", tables=(_claims(verdicts),)))
     sections += [
-        Section("What this cannot tell", _limits(comparison), listed=True),
-        Section("Figures", sections=tuple(_figures(scenario, comparison) for scenario in comparison.scenarios)),
         Section("Tables", tables=_tables(comparison) + tuple(_statuses(comparison))),
         Section("Times", (_CANNOT_TELL[-1],), tables=(_times(comparison.cases),)),
         Section("Settings", tables=(_contestants(comparison), _scenarios(comparison), _versions())),
@@ -50,7 +54,7 @@ def comparison_report(comparison: Comparison) -> Report:
     labels = [names for _, names in grouped(comparison.contestants)]
     questions = [QUESTION] if cases or not comparison.limits else []
     question = " ".join(questions + ([LIMITS_QUESTION] if comparison.limits else []))
-    return Report("hqp_rp: prioritized solvers side by side", question, tuple(sections), styles(labels))
+    return Report("hqp_rp: prioritized solvers side by side", question, tuple(sections), styles(labels), opening)
 
 
 def _tables(comparison: Comparison) -> tuple[Table, ...]:

@@ -97,7 +97,9 @@ class MujocoSurroundings(ModelRobot):
         if i < 0 or not self._mocap_velocity[i].any():
             return None
         linear, angular = self._mocap_velocity[i, :3], self._mocap_velocity[i, 3:]
-        return np.concatenate((linear - np.cross(angular, self._data.mocap_pos[i]), angular))
+        twist: FloatArray = np.empty(6)
+        twist[:3], twist[3:] = linear - np.cross(angular, self._data.mocap_pos[i]), angular
+        return twist
 
     def follow(self, data: Any) -> None:
         """Take the configuration, the mocap bodies' poses and the velocities of what is not driven from an MjData.

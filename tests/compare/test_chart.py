@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import pathlib
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -11,6 +15,7 @@ import pytest
 from hqp_rp.compare.chart import COLOURS, Dots, Line, Lines, styles, thinned
 from hqp_rp.compare.chart_html import html
 from hqp_rp.compare.chart_png import png
+from hqp_rp.compare.report import Report, Section, write_report
 
 X = np.array([1.0, 0.1, 0.01])
 LOOK = styles([["a", "b"], ["c"]])
@@ -37,7 +42,9 @@ def dots(log: bool = True) -> Dots:
 def test_styles_differ_within_a_group() -> None:
     many = styles([[f"s{i}" for i in range(18)]])
     assert len({(style.colour, style.dash) for style in many.values()}) == 18
-    assert LOOK["a"].colour == LOOK["c"].colour == COLOURS[0]
+    assert (LOOK["a"].colour, LOOK["c"].colour) == (COLOURS[0], COLOURS[2])
+    groups = styles([[f"a{i}" for i in range(5)], [f"b{i}" for i in range(9)], [f"c{i}" for i in range(6)]])
+    assert len({(style.colour, style.dash) for style in groups.values()}) == 20
 
 
 def test_zero_is_drawn_at_the_floor() -> None:
@@ -102,3 +109,54 @@ def test_a_long_title_takes_more_lines_and_room() -> None:
         return int.from_bytes(png(lines(title=title), LOOK)[20:24], "big")
 
     assert height("Errors of each level against the distance to the singularity, in a narrow figure") > height("Errors")
+
+
+def unsure() -> Lines:
+    """A chart in which nothing of two contestants is sure."""
+    nothing = np.zeros(3, dtype=bool)
+    panel = tuple(Line(label, X, X, sure=nothing) for label in ("a", "b"))
+    return lines(panels=((panel, (Line("c", X, X * np.nan),)),))
+
+
+@pytest.mark.parametrize("chart", [lines(), unsure()], ids=["drawn", "nothing sure"])
+def test_the_legend_shows_every_contestant_with_a_line_that_can_be_seen(chart: Lines) -> None:
+    piece = html(chart, LOOK)
+    data = json.loads(re.search(r"Plotly\.newPlot\(\s*\"errors\",\s*(\[.*?\]),\s*\{\"template\"", piece, re.DOTALL)[1])  # type: ignore[index]
+    entries = {trace["name"]: trace for trace in data if trace.get("showlegend")}
+    assert set(entries) == {"a", "b", "c"}
+    assert all(trace["line"]["width"] >= 2.0 and trace.get("opacity", 1.0) == 1.0 for trace in entries.values())
+    assert [entries[label]["legendgrouptitle"]["text"] for label in ("a", "c")] == ["<b>one</b>", "<b>two</b>"]
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine to render a page in")
+@pytest.mark.parametrize("width", [1280, 420])
+def test_a_browser_shows_the_names_of_every_chart(tmp_path: pathlib.Path, width: int) -> None:
+    dotted, both = dots(), Report("t", "q?", (Section("s", charts=(lines(), unsure_named(), dots())),), LOOK)
+    page = write_report(both, tmp_path)[0]
+    quiet = (
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-sync",
+    )
+    command = [str(CHROMIUM), *quiet, f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900"]
+    done = subprocess.run(
+        [*command, "--virtual-time-budget=10000", "--dump-dom", page.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=90,
+    )
+    charts = re.split(r'<div id="(?=errors|unsure|parting)', done.stdout)[1:]
+    assert len(charts) == 3
+    for chart in charts[:2]:
+        assert set(re.findall(r'class="legendtext"[^>]*data-unformatted="([^"]*)"', chart)) >= {"a", "b", "c"}
+    assert all(f">{label}</text>" in charts[2] for label in dotted.labels)
+
+
+def unsure_named() -> Lines:
+    return dataclasses.replace(unsure(), name="unsure")
