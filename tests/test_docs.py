@@ -176,3 +176,13 @@ def test_every_place_named_by_the_equation_table_exists() -> None:
     for folder, module, name in places:
         found = importlib.import_module(f"hqp_rp.{folder}.{module}")
         assert not name or hasattr(found, name), f"{folder}/{module}.py has no {name}"
+
+
+def test_the_code_of_the_readme_passes_mypy_strict(tmp_path: Path) -> None:
+    script = tmp_path / "readme.py"
+    script.write_text("\n".join(block.code for block in blocks_of(PAGES[0].read_text(encoding="utf-8"))))
+    config = tmp_path / "mypy.ini"
+    config.write_text("[mypy]\nstrict = True\n[mypy-mujoco.*,pink.*]\nignore_missing_imports = True\n")
+    command = ["--config-file", str(config), "--cache-dir", str(tmp_path / "cache"), str(script)]
+    done = subprocess.run([sys.executable, "-m", "mypy", *command], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
