@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,8 @@ from hqp_rp.compare.bench_measure import Measured, Result
 from hqp_rp.compare.bench_ratios_report import fastest, ratios_section
 from hqp_rp.compare.bench_timing import PARTS, TURN, ratio
 from hqp_rp.compare.chart import Line, Lines, styles
-from hqp_rp.compare.report import Report, Section, Table, listing, number
+from hqp_rp.compare.openings import first_chart
+from hqp_rp.compare.report import Opening, Report, Section, Table, listing, number
 
 if TYPE_CHECKING:
     from hqp_rp.compare.bench import Bench
@@ -62,7 +64,30 @@ def bench_report(done: Bench) -> Report:
         Section("Settings", tables=(_settings(measured), _refusals(measured), _machine(done))),
     ]  # fmt: skip
     labels = [*GROWERS, FLOOR, "flop count"]
-    return Report("hqp_rp: benchmark", QUESTION, tuple(sections), styles([labels]))
+    return Report("hqp_rp: benchmark", QUESTION, tuple(sections), styles([labels]), _opening(measured, sections))
+
+
+def _opening(measured: Measured, sections: Sequence[Section]) -> Opening:
+    """For each family the fastest that is certified on every instance, whoever made it; ours against theirs in numbers."""
+    advice, against = [], []
+    for result in measured.results:
+        ours, peers = fastest(result, peer=False), fastest(result, peer=True)
+        best = min((row for row in (ours, peers) if row is not None), key=lambda row: row.timing.median, default=None)
+        told = (
+            "nobody was certified on every instance" if best is None else f"{best.label} ({_us(best.timing.median)} us)"
+        )
+        advice.append((result.title, told))
+        if ours is not None and peers is not None:
+            against.append((ratio(ours.timing, peers.timing).value, result.title, peers.label))
+    numbers = []
+    if against:
+        for pick, words in ((max, "at most"), (min, "at least")):
+            value, title, label = pick(against)
+            numbers.append((f"{value:.3g} times", f"as fast as the fastest certified peer, {words}: {title}, {label}"))
+    slowest = max((name for name in measured.start if name != "import"), key=lambda name: measured.start[name])
+    numbers.append((f"{number(measured.start[slowest])} s", f"import and first answer of a fresh process ({slowest})"))
+    header = ("problems", "the fastest that is right on all of them")
+    return Opening(tuple(advice), tuple(numbers), first_chart(sections), header)
 
 
 def answer(measured: Measured) -> tuple[str, ...]:

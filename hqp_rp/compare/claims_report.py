@@ -10,12 +10,25 @@ import numpy as np
 import polars as pl
 
 from hqp_rp.compare.chart import Line, Lines, Style, styles, thinned
-from hqp_rp.compare.claims import CONFLICT, LINE_UP, REVERSE, REVERSE_DAMPED, TRACKING, WALL, WIPE, Study, rulings
+from hqp_rp.compare.claims import (
+    CONFLICT,
+    HOLDS,
+    LINE_UP,
+    REVERSE,
+    REVERSE_DAMPED,
+    TRACKING,
+    WALL,
+    WIPE,
+    Ruling,
+    Study,
+    rulings,
+)
 from hqp_rp.compare.contact_runs import ContactFigures, contact_figures, run_contacts
 from hqp_rp.compare.contestants import Contestant, default_contestants
 from hqp_rp.compare.machine import machine, usable_cores, versions
+from hqp_rp.compare.openings import first_chart
 from hqp_rp.compare.panels import grouped, slug
-from hqp_rp.compare.report import Report, Section, Table, listing, number, share, write_report
+from hqp_rp.compare.report import Opening, Report, Section, Table, listing, number, share, write_report
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.core.errors import HqpError
 from hqp_rp.scenarios._interaction import DAMPED, PAPER, Interaction
@@ -60,6 +73,7 @@ class ClaimsStudy:
     contestants: tuple[Contestant, ...]
     steps: pl.DataFrame
     halved: pl.DataFrame
+    quick: bool = False
 
     def report(self, films: Sequence[str] = ()) -> Report:
         """The report as data; `films` is what `film_all` returned."""
@@ -89,7 +103,7 @@ def study_claims(
 
     Args:
         output: the folder for report.html, report.md, figures, films and the steps as Parquet.
-        quick: the scenarios' own quick versions; too short for the verdicts.
+        quick: the scenarios' own quick versions; too short for verdicts, so that none is given.
         overwrite: replace the report of another run in `output`.
         workers: processes; None means one for each usable core.
         films: render a short film of each scenario too, where a GL back end is there.
@@ -113,6 +127,7 @@ def study_claims(
         contestants,
         _kept(folder, "steps", scenarios, contestants, cores),
         _kept(folder, "halved", finer, [c for c in contestants if c.label in HALVED], cores),
+        quick,
     )
     shown: list[str] = []
     if films:
@@ -120,7 +135,7 @@ def study_claims(
 
         shown = film_all(scenarios, [c for c in contestants if c.label in HALVED], folder.path / "films")
     write_report(study.report(shown), folder.path, workers=cores)
-    return [f"{r.claim} {r.verdict}" for r in rulings(Study(contact_figures(study.steps)))] + shown
+    return [f"{r.claim} {r.verdict}" for r in rulings(Study(contact_figures(study.steps)), quick=quick)] + shown
 
 
 def _interaction(name: str, quick: bool) -> Interaction:
@@ -148,16 +163,20 @@ def _kept(
 
 def _report(study: ClaimsStudy, films: Sequence[str]) -> Report:
     figures = contact_figures(study.steps)
-    judged = rulings(Study(figures))
+    judged = rulings(Study(figures), quick=study.quick)
     groups = [names for _, names in grouped(study.contestants)]
     limits = list(dict.fromkeys(sentence for scenario in study.scenarios for sentence in type(scenario).cannot_tell))
     counts = {words: sum(r.verdict.startswith(words) for r in judged) for words in ("holds", "does not hold")}
     only = sum(r.verdict.startswith("holds only") for r in judged)
-    answer = (
+    answer: tuple[str, ...] = (
         f"Of {len(judged)} claims {counts['holds'] - only} hold as they stand, {only} hold only under a condition that the "
         f"paper does not state, and {counts['does not hold']} {'does' if counts['does not hold'] == 1 else 'do'} not hold as "
         "printed.",
     )
+    if study.quick:
+        answer = (
+            f"A quick run: each of the {len(judged)} claims is shown with what was measured, and none is ruled on.",
+        )
     claims = Table(
         "Claims of the paper",
         ("claim", "where", "what was run", "measured", "verdict"),
@@ -188,11 +207,44 @@ def _report(study: ClaimsStudy, films: Sequence[str]) -> Report:
         Section("Settings", tables=_settings(study)),
     )
     return Report(
-        "The paper's experiments and claims",
+        "The paper's experiments and claims" + (" (quick run)" if study.quick else ""),
         "Which claims about reverse-priority force, impedance and hybrid control hold in simulation?",
         sections,
         _styles(groups),
+        _opening(study, judged, figures, sections),
     )
+
+
+def _opening(
+    study: ClaimsStudy, judged: Sequence[Ruling], figures: Sequence[ContactFigures], sections: Sequence[Section]
+) -> Opening:
+    """The claims by verdict, and what the experiments came to."""
+    advice = []
+    if study.quick:
+        advice.append(("Nothing is ruled on", "this was a quick run; leave --quick out for verdicts"))
+    else:
+        kinds: dict[str, list[str]] = {"Holds": [], "Holds under a condition": [], "Does not hold as printed": []}
+        for ruling in judged:
+            holds = ruling.verdict.startswith("holds")
+            kind = (
+                "Holds"
+                if ruling.verdict == HOLDS
+                else "Holds under a condition"
+                if holds
+                else "Does not hold as printed"
+            )
+            kinds[kind].append(ruling.claim.rstrip("."))
+        advice += [(words, "; ".join(which) or "none") for words, which in kinds.items()]
+    tracked = [f for f in figures if f.scenario == TRACKING and f.contestant == REVERSE]
+    walls = [f for f in figures if f.scenario == WALL and f.contestant == REVERSE]
+    largest = max(figures, key=lambda f: f.commanded)
+    numbers = (
+        (f"{number(min(f.late_rms for f in tracked))} to {number(max(f.late_rms for f in tracked))} N",
+         "late RMS error of the tracked force with reverse priority as printed"),
+        (f"{number(max(f.peak for f in walls), 3)} N", "the largest peak at the wall with it; 30 N were asked for"),
+        (f"{number(largest.commanded)} rad/s", f"the largest joint velocity asked for, by {largest.contestant}"),
+    )  # fmt: skip
+    return Opening(tuple(advice), numbers, first_chart(sections), ("verdict", "claims"))
 
 
 def _films(films: Sequence[str]) -> tuple[str, ...]:

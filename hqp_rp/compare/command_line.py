@@ -156,7 +156,7 @@ def replay(file: tyro.conf.Positional[tuple[pathlib.Path, ...]], solver: str | N
 
 
 def claims(
-    output: pathlib.Path = pathlib.Path("docs/reports/paper_claims"),
+    output: pathlib.Path = pathlib.Path("report"),
     quick: bool = False,
     overwrite: bool = False,
     workers: int | None = None,
@@ -166,7 +166,7 @@ def claims(
 
     Args:
         output: the folder to write: report.html, report.md, figures, films, and every step as Parquet.
-        quick: a sixth of the time on longer simulation steps: a look at the report, too short for its verdicts.
+        quick: a sixth of the time on longer simulation steps: a look at the report, without verdicts.
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
         films: render a short film of each scenario too, where a GL back end is there.

@@ -53,7 +53,7 @@ def opening_of_comparison(comparison: Comparison, sections: Sequence[Section]) -
         advice += _of_limits(limits)
         if not numbers:
             numbers = _numbers_of_limits(limits)
-    return Opening(tuple(advice), tuple(numbers[:3]), _first_chart(sections))
+    return Opening(tuple(advice), tuple(numbers[:3]), first_chart(sections))
 
 
 def opening_of_stress(test: Stress, sections: Sequence[Section]) -> Opening:
@@ -90,14 +90,15 @@ def opening_of_stress(test: Stress, sections: Sequence[Section]) -> Opening:
         if lost:
             advice.append(("Avoid, where level 1 matters", _named(lost)))
             numbers.append((number(lost[0][1]), f"the largest relative error of level 1, by {lost[0][0]}"))
-    return Opening(tuple(advice), tuple(numbers[:3]), _first_chart(sections))
+    return Opening(tuple(advice), tuple(numbers[:3]), first_chart(sections))
 
 
-def _first_chart(sections: Sequence[Section]) -> str:
+def first_chart(sections: Sequence[Section]) -> str:
+    """The name of the first chart there is, "" for none."""
     for section in sections:
         if section.charts:
             return section.charts[0].name
-        inner = _first_chart(section.sections)
+        inner = first_chart(section.sections)
         if inner:
             return inner
     return ""

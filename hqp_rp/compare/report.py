@@ -46,11 +46,15 @@ class Section:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Opening:
-    """The first screen: (need, which solver), at most three (number, what it is), and the name of one of the charts."""
+    """The first screen: (need, which solver), at most three (number, what it is), and the name of one of the charts.
+
+    `header` says what the two columns of `advice` are.
+    """
 
     advice: tuple[tuple[str, str], ...]
     numbers: tuple[tuple[str, str], ...]
     chart: str
+    header: tuple[str, str] = ("need", "take")
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -91,6 +91,12 @@ def test_everything_holds_where_everything_is_perfect() -> None:
     assert all(r.measured and r.tested and r.where for r in found)
 
 
+def test_a_quick_run_rules_on_nothing() -> None:
+    found, full = rulings(study(), quick=True), rulings(study())
+    assert {r.verdict for r in found} == {"not ruled on: a quick run is too short"}
+    assert [r.measured for r in found] == [r.measured for r in full]
+
+
 @pytest.mark.parametrize(
     ("words", "where", "values", "verdict"),
     [
