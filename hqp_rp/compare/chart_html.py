@@ -57,13 +57,15 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
         horizontal_spacing=0.012,
     )
     seen: set[str] = set()
+    titled: set[int] = set()
     for r, panels in enumerate(chart.panels):
         for c, lines in enumerate(panels):
             for line in sorted(lines, key=lambda line: styles[line.label].rank):
                 if line.label not in seen:
-                    title = None if any(other in seen for other in _labels(chart, c)) else chart.columns[c]
+                    title = None if c in titled else chart.columns[c]
                     figure.add_trace(_in_legend(line.label, styles[line.label], title), row=r + 1, col=c + 1)
                     seen.add(line.label)
+                    titled.add(c)
                 for trace in _traces(chart, r, line.label, line, styles[line.label], len(lines)):
                     figure.add_trace(trace, row=r + 1, col=c + 1)
         low, high = chart.limits(r)
@@ -110,10 +112,6 @@ def _decades(chart: Lines) -> int:
     values = values[values > 0.0]
     span = math.log10(float(values.max()) / float(values.min())) if values.size else 1.0
     return max(1, math.ceil(span / (4 if len(chart.columns) > 2 else 8)))
-
-
-def _labels(chart: Lines, column: int) -> set[str]:
-    return {line.label for panels in chart.panels for line in panels[column]}
 
 
 def _traces(chart: Lines, row: int, label: str, line: Any, style: Style, count: int) -> list[Any]:
