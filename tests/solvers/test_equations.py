@@ -49,3 +49,17 @@ def test_against_exact_arithmetic(rows: tuple[int, ...], seed: int) -> None:
     J, b, zeta, problem = stack(seed, rows)
     np.testing.assert_allclose(equation_11(J, b, zeta), truth(problem, zeta).x, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(equation_29(J, b, zeta), reference.reverse_priority(problem, zeta), rtol=1e-8, atol=1e-9)
+
+
+def test_the_null_space_of_both_tasks_as_printed_is_none() -> None:
+    """N_2 under (11): with J_2 in the last bracket the free vector disturbs task 2; with Jbar_2 it disturbs neither."""
+    rng = np.random.default_rng(0)
+    J1, J2 = rng.normal(size=(3, 7)), rng.normal(size=(3, 7))
+    N1 = np.eye(7) - np.linalg.pinv(J1) @ J1
+    bar = J2 @ N1
+    printed, read = (N1 @ (np.eye(7) - np.linalg.pinv(bar) @ J) for J in (J2, bar))
+    assert np.abs(J2 @ printed).max() > 0.1
+    assert np.abs(printed @ printed - printed).max() > 0.1
+    for J in (J1, J2):
+        np.testing.assert_allclose(J @ read, 0.0, atol=1e-14)
+    np.testing.assert_allclose(read @ read, read, atol=1e-14)
