@@ -76,8 +76,13 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
         figure.update_yaxes(title_text=chart.rows[r].replace("\n", "<br>"), row=r + 1, col=1)
     figure.update_xaxes(gridcolor=_GRID, zeroline=False, showgrid=True)
     if chart.log_x:
-        figure.update_xaxes(type="log", exponentformat="power", dtick=_decades(chart), tickangle=0)
-    if chart.reverse_x:
+        low, high = _exponents(chart)
+        room = 0.02 * (high - low)
+        ends = [low - room, high + room]
+        tick = max(1, math.ceil((high - low) / (4 if len(chart.columns) > 2 else 8)))
+        figure.update_xaxes(type="log", exponentformat="power", dtick=tick, tickangle=0)
+        figure.update_xaxes(range=ends[::-1] if chart.reverse_x else ends)
+    elif chart.reverse_x:
         figure.update_xaxes(autorange="reversed")
     figure.add_annotation(
         text=chart.x_label, x=0.5, xref="paper", xanchor="center", y=0.0, yref="paper", yanchor="top", yshift=-22,
@@ -106,12 +111,12 @@ def _in_legend(label: str, style: Style, title: str | None) -> Any:
     )  # fmt: skip
 
 
-def _decades(chart: Lines) -> int:
-    """Decades from tick to tick, so that a column has four or five of them."""
+def _exponents(chart: Lines) -> tuple[float, float]:
+    """The decimal logarithms between which all abscissas lie, at least one apart."""
     values = np.concatenate([line.x for panels in chart.panels for lines in panels for line in lines] or [np.ones(1)])
-    values = values[values > 0.0]
-    span = math.log10(float(values.max()) / float(values.min())) if values.size else 1.0
-    return max(1, math.ceil(span / (4 if len(chart.columns) > 2 else 8)))
+    values = values[np.isfinite(values) & (values > 0.0)]
+    low, high = (math.log10(float(f(values))) if values.size else 0.0 for f in (np.min, np.max))
+    return low, max(high, low + 1.0)
 
 
 def _traces(chart: Lines, row: int, label: str, line: Any, style: Style, count: int) -> list[Any]:
