@@ -37,11 +37,33 @@ def _everywhere(cases: Sequence[Case], holds: Callable[[Case, Outcome], bool]) -
     return [label for label, held in by_label.items() if held]
 
 
-def _closest(cases: Sequence[Case]) -> str:
+def exact_everywhere(cases: Sequence[Case]) -> list[str]:
+    """Within `PARTING` of the optimum wherever every sigma is at least `CLEAR`, in every case that they take."""
+
     def exact(case: Case, outcome: Outcome) -> bool:
         return outcome.clear_distance is not None and outcome.clear_distance <= PARTING
 
-    found = _everywhere(cases, exact)
+    return _everywhere(cases, exact)
+
+
+def safe_everywhere(cases: Sequence[Case]) -> list[str]:
+    """Level 1 kept and |x| bounded, in every case that they take."""
+    return _everywhere(cases, lambda case, outcome: outcome.keeps(1) and case.bounded(outcome))
+
+
+def losers_of_level_1(cases: Sequence[Case]) -> list[tuple[str, float]]:
+    """(label, largest excess error), worst first, of those that lose level 1 somewhere."""
+    worst: dict[str, float] = {}
+    for case in cases:
+        for outcome in case.outcomes:
+            excess = outcome.excess[0] if outcome.excess else None
+            if excess is not None and not outcome.keeps(1):
+                worst[outcome.label] = max(worst.get(outcome.label, 0.0), excess)
+    return sorted(worst.items(), key=lambda item: -item[1])
+
+
+def _closest(cases: Sequence[Case]) -> str:
+    found = exact_everywhere(cases)
     if not found:
         return (
             f"Accuracy: no solver stayed within {number(PARTING)} of the lexicographic optimum in every case, even where "
@@ -55,7 +77,7 @@ def _closest(cases: Sequence[Case]) -> str:
 
 
 def _both(cases: Sequence[Case]) -> str:
-    found = _everywhere(cases, lambda case, outcome: outcome.keeps(1) and case.bounded(outcome))
+    found = safe_everywhere(cases)
     if not found:
         return f"No solver kept level 1 and |x| within {BOUNDED:g} times what is needed far from the singularity in every case."
     return (
@@ -67,15 +89,10 @@ def _both(cases: Sequence[Case]) -> str:
 
 def _lost(cases: Sequence[Case]) -> str:
     """Who loses level 1, worst first, with the figure."""
-    worst: dict[str, float] = {}
-    for case in cases:
-        for outcome in case.outcomes:
-            excess = outcome.excess[0] if outcome.excess else None
-            if excess is not None and not outcome.keeps(1):
-                worst[outcome.label] = max(worst.get(outcome.label, 0.0), excess)
+    worst = losers_of_level_1(cases)
     if not worst:
         return "Level 1 was kept to rounding error by every solver that answered."
-    named = [f"{label} ({number(value)})" for label, value in sorted(worst.items(), key=lambda item: -item[1])]
+    named = [f"{label} ({number(value)})" for label, value in worst]
     return f"Level 1 is lost somewhere by {listing(named)}: the largest excess error, in the unit of the task."
 
 

@@ -6,13 +6,14 @@ Times are not among it: they differ from run to run, and stand in their own sect
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from hqp_rp.compare.findings import exact_everywhere, losers_of_level_1, safe_everywhere
 from hqp_rp.compare.report import Opening, Section, listing, number
 from hqp_rp.compare.stress_findings import growth, level_error
 from hqp_rp.compare.stress_plan import KINDS, LIMITS, RANDOM
-from hqp_rp.compare.study import BOUNDED, KEPT, PARTING, Case, Outcome
+from hqp_rp.compare.study import BOUNDED, KEPT, PARTING
 
 if TYPE_CHECKING:
     from hqp_rp.compare.comparison import Comparison
@@ -29,11 +30,10 @@ def opening_of_comparison(comparison: Comparison, sections: Sequence[Section]) -
     advice: list[tuple[str, str]] = []
     numbers: list[tuple[str, str]] = []
     if cases:
-        exact = _everywhere(cases, lambda case, o: o.clear_distance is not None and o.clear_distance <= PARTING)
-        through = _everywhere(cases, lambda case, o: o.keeps(1) and case.bounded(o))
+        exact, through = exact_everywhere(cases), safe_everywhere(cases)
         advice.append((f"The exact answer (within {number(PARTING)} of it away from singularities)", _names(exact)))
         advice.append(("A path through a singularity, level 1 exact and |x| bounded", _names(through)))
-        lost = _worst(cases, lambda o: o.excess[0] if o.excess and not o.keeps(1) else None)
+        lost = losers_of_level_1(cases)
         if lost:
             advice.append(("Avoid, where level 1 matters", _named(lost)))
             numbers.append(
@@ -104,28 +104,8 @@ def first_chart(sections: Sequence[Section]) -> str:
     return ""
 
 
-def _everywhere(cases: Sequence[Case], holds: Callable[[Case, Outcome], bool]) -> list[str]:
-    """Those for which something holds in every case that they take."""
-    held: dict[str, bool] = {}
-    for case in cases:
-        for outcome in case.outcomes:
-            if not outcome.refused:
-                held[outcome.label] = held.get(outcome.label, True) and holds(case, outcome)
-    return [label for label, always in held.items() if always]
-
-
 def _names(labels: Sequence[str]) -> str:
     return listing(labels) or NOBODY
-
-
-def _worst(cases: Sequence[Case], value: Callable[[Outcome], float | None]) -> list[tuple[str, float]]:
-    worst: dict[str, float] = {}
-    for case in cases:
-        for outcome in case.outcomes:
-            found = value(outcome)
-            if found is not None:
-                worst[outcome.label] = max(worst.get(outcome.label, 0.0), found)
-    return sorted(worst.items(), key=lambda item: -item[1])
 
 
 def _named(found: Sequence[tuple[str, float]]) -> str:

@@ -37,6 +37,12 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray:
     return nearest
 
 
+def point_jacobian(J: FloatArray, lever: FloatArray) -> FloatArray:
+    """(3, nv) linear Jacobian of the point at `lever` (3,), m in world axes, from the origin of the frame of J (6, nv)."""
+    moved: FloatArray = J[:3] - skew(lever) @ J[3:]
+    return moved
+
+
 def skew(vector: FloatArray) -> FloatArray:
     """[a]x (3, 3), with [a]x b = a x b."""
     x, y, z = vector.tolist()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import WORLD, frame_name, frame_point, real_array
-from hqp_rp.control._rotations import skew
+from hqp_rp.control._rotations import point_jacobian
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
@@ -80,7 +80,7 @@ class FrameSpeedLimit:
             rotation = robot.pose(self._expressed_in)[0]
         linear = J[:3]
         if self._point.any():
-            linear = linear - skew(robot.pose(self._frame)[0] @ self._point) @ J[3:]
+            linear = point_jacobian(J, robot.pose(self._frame)[0] @ self._point)
         parts = [(linear, self._linear), (J[3:], self._angular)]
         rows = [(rotation.T if len(bound) == 3 else _FACES) @ half for half, bound in parts if bound is not None]
         bounds = np.concatenate([bound for _, bound in parts if bound is not None])

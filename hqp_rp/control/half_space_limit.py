@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._approach import Approach, margin_of
 from hqp_rp.control._checks import finite_vector, frame_name, frame_point, real_array
-from hqp_rp.control._rotations import skew
+from hqp_rp.control._rotations import point_jacobian
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
@@ -92,7 +92,7 @@ class HalfSpaceLimit:
     def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """-n^T J_p (1, nv), the least rate (1,) in m/s and infinity (1,); v is not needed."""
         J = robot.jacobian(self._frame)
-        linear = J[:3] - skew(self._lever(robot)) @ J[3:] if self._point.any() else J[:3]
+        linear = point_jacobian(J, self._lever(robot)) if self._point.any() else J[:3]
         least = self._approach.least_rate(np.array([self.distance(robot) - self._margin]), dt)
         return -(self._normal @ linear)[None, :], least, np.array([math.inf])
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._approach import Approach
 from hqp_rp.control._checks import TWIST_AXES, WORLD, Rows, axis_rows, frame_name, frame_point, pose, real_array
-from hqp_rp.control._rotations import rotation_log, skew
+from hqp_rp.control._rotations import point_jacobian, rotation_log, skew
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
@@ -133,7 +133,7 @@ class PoseLimit:
         between = origin + lever - p_b
         seen = R_b @ R_o
         turn = rotation_log(seen.T @ R)
-        linear = J[:3] - skew(lever) @ J[3:] - J_b[:3] + skew(between) @ J_b[3:]
+        linear = point_jacobian(J, lever) - J_b[:3] + skew(between) @ J_b[3:]
         jacobian = np.concatenate((seen.T @ linear, _inverse_left_jacobian(turn) @ seen.T @ (J[3:] - J_b[3:])))
         x = np.concatenate((R_o.T @ (R_b.T @ between - p_o), turn))
         return x[self._rows], jacobian[self._rows]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Iterable
 from typing import Any
 
@@ -17,7 +18,7 @@ from hqp_rp.robot.model_robot import ModelRobot
 _LEAST_SQUARE = float(mujoco.mjMINVAL) ** 2
 
 
-class MujocoSurroundings(ModelRobot):
+class MujocoSurroundings(ModelRobot, abc.ABC):
     """The part of `MujocoRobot` about what the robot does not move itself."""
 
     _model: Any
@@ -122,9 +123,9 @@ class MujocoSurroundings(ModelRobot):
         self.unactuated_velocity = data.qvel[self._unactuated]
         self.update(np.array(data.qpos))
 
+    @abc.abstractmethod
     def update(self, q: FloatArray) -> None:
         """Set the configuration and compute the kinematics."""
-        raise NotImplementedError
 
     def _moved(self) -> None:
         """Something else than q has changed."""
