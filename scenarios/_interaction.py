@@ -15,6 +15,7 @@ from hqp_rp.control.interaction_controller import InteractionController
 from hqp_rp.control.limit import VelocityLimit
 from hqp_rp.control.singularities import SingularConfiguration, search_singularities
 from hqp_rp.control.stack import Stack
+from hqp_rp.control.task import Task
 from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import WrenchSensor
 from hqp_rp.core.diagnostics import norm
@@ -55,16 +56,42 @@ class Case:
 
     Attributes:
         gains: `PAPER` or `DAMPED`. place: `REGULAR` or `SINGULAR`. q: (n,) rad, the start.
+        middle: (n,) rad, direction: (n,), axis: (3,): what a path of the scenario goes through, along which joint direction,
+            and about or along which axis of the world; None where the scenario has no use for it.
     """
 
     gains: str
     place: str
     q: FloatArray
+    middle: FloatArray | None = None
+    direction: FloatArray | None = None
+    axis: FloatArray | None = None
 
     @property
     def name(self) -> str:
         """What reports call the case."""
         return f"{self.gains}, {self.place}"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Place:
+    """A posture to start from, or a singular one to start beside.
+
+    Attributes:
+        name: `REGULAR` or `SINGULAR`. q: (n,) rad.
+        approach: (n,) joint direction away from the singularity. direction: of the lower level's task, the one that is lost.
+        distance: rad, along the approach, of the start.
+    """
+
+    name: str
+    q: FloatArray
+    approach: FloatArray | None = None
+    direction: FloatArray | None = None
+    distance: float = 0.0
+
+    def start(self) -> FloatArray:
+        """(n,) rad, where the arm starts."""
+        return self.q if self.approach is None else self.q + self.distance * self.approach
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -84,11 +111,12 @@ class Experiment:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Interaction(Scenario):
-    """The Sawyer of Table 1 under velocity servos, its tool a ball, its force sensor exact, against walls without friction.
+    """The Sawyer of Table 1 under velocity servos, its tool a ball, its force sensor exact, against walls.
 
     At every period the controller reads force, configuration and velocity, integrates the references (33)-(51), and the
-    solver turns the levels into joint velocities; no solver is told of a limit, and a command that passes a joint's
-    velocity limit is shortened as a whole. A solver that fails stops the arm (`InteractionController`), and the case ends.
+    solver turns the levels into joint velocities. With the defaults the walls have no friction, the reading no delay, and no
+    solver is told of a limit: a command that passes a joint's velocity limit is shortened as a whole. A solver that fails
+    stops the arm (`InteractionController`), and the case ends.
 
     Four cases: two sets of gains at two starts.
 
@@ -107,6 +135,10 @@ class Interaction(Scenario):
         duration: s, of one case; rounded to whole periods. period: s between two solves. substeps: simulation steps in one.
         stiffness, wall_damping, wall_mass: K_e, B_e, M_e of `Surface`.
         damping_ratio: > 0, of the second set. noise: N, >= 0. spread: rad, >= 0.
+        friction: >= 0, Coulomb coefficient of the walls. delay: s, >= 0, age of the force reading, rounded to whole steps of the
+            simulation. servo: > 0, factor on the gains of the arm's velocity servos.
+        hard_limits: the velocity limits are hard rows of the stack, for solvers that take them, and nothing is shortened.
+        recovery: s, >= 0, the references' anti-windup, None for none; see `Reference`.
 
     `Step.parameter` is the time of the problem. `Step.measured`, for the period that follows it, with A for the axis of
     each wall:
@@ -126,11 +158,11 @@ class Interaction(Scenario):
     by_default: ClassVar[bool] = False
     abscissa: ClassVar[str] = "time (s)"
     cannot_tell: ClassVar[tuple[str, ...]] = (
-        "The wall is a spring with a little damping and mass, without friction, and only the tool's ball touches it.",
+        "The wall is a spring with a little damping and mass, and only the tool's ball touches it.",
         "The velocity servos, link masses and inertias are chosen: the paper gives none, nor its control period.",
-        "The force reading is the simulation's own, without delay, filter or bias; seed 0 has no noise.",
-        "No solver is told of the velocity limits: a command that passes one is shortened as a whole, so that an answer "
-        "that is too fast slows the force level too. A solver that takes hard rows could do better if it were told.",
+        "The force reading is the simulation's own, without filter or bias; seed 0 has no noise.",
+        "Unless hard_limits is set, no solver is told of the velocity limits: a command that passes one is shortened as a "
+        "whole, so that an answer that is too fast slows the force level too.",
         "Each solver is judged on the motion that it leads to; from the first differing answer on these differ.",
     )
 
@@ -143,12 +175,19 @@ class Interaction(Scenario):
     damping_ratio: float = 1.0
     noise: float = 0.2
     spread: float = 0.01
+    friction: float = 0.0
+    delay: float = 0.0
+    servo: float = 1.0
+    hard_limits: bool = False
+    recovery: float | None = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("duration", "period", "damping_ratio"):
+        for name in ("duration", "period", "damping_ratio", "servo"):
             self._require(name, lambda value: value > 0.0, "> 0")
-        for name in ("noise", "spread"):
+        for name in ("noise", "spread", "delay", *(("recovery",) if self.recovery is not None else ())):
             self._require(name, lambda value: value >= 0.0, ">= 0")
+        if not isinstance(self.hard_limits, bool):
+            raise SettingError(f"hard_limits of {self.name} is {self.hard_limits!r}; it must be True or False.")
         if isinstance(self.substeps, bool) or not isinstance(self.substeps, int) or self.substeps < 1:
             raise SettingError(f"substeps of {self.name} is {self.substeps!r}; it must be an integer of at least 1.")
         if self.duration < 2.0 * self.period:
@@ -169,13 +208,32 @@ class Interaction(Scenario):
     def experiment(self, case: Case, robot: Robot) -> Experiment:
         """The levels and references, for a robot at its start."""
 
+    def case_at(self, gains: str, place: Place) -> Case:
+        """The case with these gains that starts at another posture; `place` comes from the study that varies them."""
+        return Case(gains, place.name, place.start())
+
+    def turned(self) -> float:
+        """rad, by which the axes of the walls are turned about the world's z."""
+        return 0.0
+
+    def push(self, t: float) -> FloatArray | None:
+        """(6,) what somebody does to the tool at t: force in N and torque in N m about it, world axes; None for nothing."""
+        return None
+
     def arm(self) -> DHArm:
         """The arm that is simulated."""
-        return sawyer()
+        arm = sawyer()
+        if self.servo == 1.0:
+            return arm
+        return dataclasses.replace(arm, servo_gain=tuple(self.servo * gain for gain in arm.servo_gain))
 
     def surface(self) -> Surface:
         """What the walls are made of."""
-        return Surface(self.stiffness, self.wall_damping, self.wall_mass)
+        return Surface(self.stiffness, self.wall_damping, self.wall_mass, self.friction)
+
+    def stack(self, *levels: Task) -> Stack:
+        """These levels, above the velocity limits as hard rows where `hard_limits` asks for them."""
+        return Stack(levels, limits=[VelocityLimit()] if self.hard_limits else [])
 
     def gains(self, case: Case, walled: str) -> Gains:
         """M_d, B_d, K_d of a case; `walled` are the axes that meet a wall, "xy"."""
@@ -205,7 +263,9 @@ class Interaction(Scenario):
         arm, timestep = self.arm(), self.period / self.substeps
         offset = np.random.default_rng((seed, 1)).normal(scale=self.spread if seed else 0.0, size=arm.n)
         q = case.q + offset
-        contact = ContactArm(arm, timestep, self.walls(case, arm.pose(q, "tool")[1]), self.surface())
+        late = round(self.delay / timestep)
+        walls = self.walls(case, arm.pose(q, "tool")[1])
+        contact = ContactArm(arm, timestep, walls, self.surface(), delay=late, tilt=self.turned())
         contact.reset(q)
         contact.robot.update(q)
         return contact
@@ -222,7 +282,8 @@ class Interaction(Scenario):
         robot, data = contact.robot, contact.robot.data
         experiment = self.experiment(case, robot)
         sensor = WrenchSensor("tool", measures="on_environment", expressed_in="world", frozen_after=None)
-        controller = InteractionController(experiment.stack, sensor, solver, scale_into=[VelocityLimit()])
+        shortened_into = () if self.hard_limits else (VelocityLimit(),)
+        controller = InteractionController(experiment.stack, sensor, solver, scale_into=shortened_into)
         controller.start(robot, data.qvel)
         rng = np.random.default_rng((seed, 2))
         energy = dict.fromkeys(experiment.desired(0.0), 0.0)
@@ -231,6 +292,10 @@ class Interaction(Scenario):
             experiment.update(t)
             robot.update(data.qpos)
             reading = contact.reading()
+            push = self.push(t)
+            if push is not None:
+                contact.push(push)
+                reading -= push
             if seed:
                 reading[:3] += rng.normal(scale=self.noise, size=3)
             command = controller.step(robot, reading, self.period, data.qvel)

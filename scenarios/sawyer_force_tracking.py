@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from hqp_rp.control.force import ForceReference
-from hqp_rp.control.stack import Stack
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 from hqp_rp.scenarios._interaction import LOWER_AXES, Case, Experiment, Interaction, first_axis_cases, turn
@@ -44,8 +43,8 @@ class SawyerForceTracking(Interaction):
 
     def experiment(self, case: Case, robot: Robot) -> Experiment:
         gains = self.gains(case, "xy")
-        first = ForceReference("tool", gains.M_d[:1], gains.B_d[:1], axes=("x",), name="force x")
-        lower = ForceReference("tool", gains.M_d[1:], gains.B_d[1:], axes=LOWER_AXES, name="force y, z and torque")
+        first = ForceReference("tool", gains.M_d[:1], gains.B_d[:1], axes=("x",), recovery=self.recovery, name="force x")
+        lower = ForceReference("tool", gains.M_d[1:], gains.B_d[1:], axes=LOWER_AXES, recovery=self.recovery, name="force y, z and torque")
         R_0, p_0 = robot.pose("tool")
 
         def update(t: float) -> None:
@@ -57,7 +56,7 @@ class SawyerForceTracking(Interaction):
             return {"drift z [m]": float(p[2] - p_0[2]), "orientation error [rad]": turn(R, R_0)}
 
         return Experiment(
-            Stack([first, lower]), update, lambda t: {"x": desired_force(t), "y": desired_force(t)}, errors
+            self.stack(first, lower), update, lambda t: {"x": desired_force(t), "y": desired_force(t)}, errors
         )
 
 

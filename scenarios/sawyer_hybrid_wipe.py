@@ -11,9 +11,9 @@ import numpy as np
 
 from hqp_rp.control.hybrid import HybridReference
 from hqp_rp.control.impedance import ImpedanceReference
-from hqp_rp.control.stack import Stack
 from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.arms import sawyer
 from hqp_rp.robot.robot import Robot
 from hqp_rp.scenarios._crossing import turned_about
 from hqp_rp.scenarios._interaction import (
@@ -24,6 +24,7 @@ from hqp_rp.scenarios._interaction import (
     Case,
     Experiment,
     Interaction,
+    Place,
     pose_errors,
 )
 from hqp_rp.scenarios.sawyer_crossing import SawyerCrossing
@@ -91,21 +92,31 @@ class SawyerHybridWipe(Interaction):
         super().__post_init__()
 
     def cases(self) -> tuple[Case, ...]:
-        starts = [(place, self.wipe(place).q[0]) for place in (REGULAR, SINGULAR)]
-        return tuple(Case(gains, place, q) for gains in (PAPER, DAMPED) for place, q in starts)
+        center, direction, axis = SawyerCrossing().crossing()
+        places = (
+            Place(REGULAR, np.array(sawyer().neutral)),
+            Place(SINGULAR, center, direction, axis),
+        )
+        return tuple(self.case_at(gains, place) for gains in (PAPER, DAMPED) for place in places)
+
+    def case_at(self, gains: str, place: Place) -> Case:
+        if place.approach is not None and place.direction is not None:
+            direction, axis = place.approach / norm(place.approach), place.direction / norm(place.direction)
+        else:
+            axis = np.array((1.0, 0.0, 0.0))
+            moved = np.asarray(np.linalg.pinv(sawyer().jacobian(place.q, "tool"))[:, 1], dtype=np.float64)
+            direction = moved / norm(moved)
+        case = Case(gains, place.name, place.q, place.q, direction, axis)
+        return dataclasses.replace(case, q=self.wipe(case).q[0])
 
     def walls(self, case: Case, position: FloatArray) -> Mapping[str, float]:
         return {"x": float(position[0])}
 
-    def wipe(self, place: str) -> Wipe:
-        """The references of "regular" or "near singular"."""
+    def wipe(self, case: Case) -> Wipe:
+        """The references of a case."""
         arm, steps = self.arm(), self.periods()
-        if place == SINGULAR:
-            center, direction, axis = SawyerCrossing().crossing()
-        else:
-            center, axis = np.array(arm.neutral), np.array((1.0, 0.0, 0.0))
-            moved = np.asarray(np.linalg.pinv(arm.jacobian(center, "tool"))[:, 1], dtype=np.float64)
-            direction = moved / norm(moved)
+        center, direction, axis = case.middle, case.direction, case.axis
+        assert center is not None and direction is not None and axis is not None
         share = np.arange(steps + 1) / steps
         q: FloatArray = center - self.reach * np.cos(math.pi * share)[:, None] * direction
         wall = arm.pose(center, "tool")[1][0]
@@ -123,12 +134,12 @@ class SawyerHybridWipe(Interaction):
         return Wipe(q, position, turn @ path_rotation, velocity, self._rate(velocity))
 
     def experiment(self, case: Case, robot: Robot) -> Experiment:
-        gains, wipe, period = self.gains(case, "x"), self.wipe(case.place), self.period
+        gains, wipe, period = self.gains(case, "x"), self.wipe(case), self.period
         start = (wipe.rotation[0], wipe.position[0])
-        M, B, K = gains.M_d, gains.B_d, gains.K_d
-        press = HybridReference("tool", start, M[:1], B[:1], K[:1], [0.0], self.force, axes=("x",), name="force x")
-        follow = HybridReference("tool", start, M[1:3], B[1:3], K[1:3], [1.0, 1.0], axes=("y", "z"), name="path y, z")
-        point = ImpedanceReference("tool", start, M[3:], B[3:], K[3:], axes=("rx", "ry", "rz"), name="orientation")
+        M, B, K, back = gains.M_d, gains.B_d, gains.K_d, self.recovery
+        press = HybridReference("tool", start, M[:1], B[:1], K[:1], [0.0], self.force, axes=("x",), recovery=back, name="force x")
+        follow = HybridReference("tool", start, M[1:3], B[1:3], K[1:3], [1.0, 1.0], axes=("y", "z"), recovery=back, name="path y, z")
+        point = ImpedanceReference("tool", start, M[3:], B[3:], K[3:], axes=("rx", "ry", "rz"), recovery=back, name="orientation")
 
         def pose(t: float) -> tuple[FloatArray, FloatArray]:
             k = min(round(t / period), len(wipe.q) - 1)
@@ -142,7 +153,7 @@ class SawyerHybridWipe(Interaction):
                 reference.target_acceleration = wipe.acceleration[k]
 
         return Experiment(
-            Stack([press, follow, point]),
+            self.stack(press, follow, point),
             update,
             lambda t: {"x": self.force},
             lambda t, robot: pose_errors(robot, pose(t), "yz"),

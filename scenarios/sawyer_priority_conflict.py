@@ -12,7 +12,7 @@ import numpy as np
 from hqp_rp.control.force import ForceReference
 from hqp_rp.control.impedance import ImpedanceReference
 from hqp_rp.control.posture_task import PostureTask
-from hqp_rp.control.stack import Stack
+from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.arms import sawyer
 from hqp_rp.robot.robot import Robot
@@ -24,6 +24,7 @@ from hqp_rp.scenarios._interaction import (
     Case,
     Experiment,
     Interaction,
+    Place,
 )
 
 # What `find_start(("y", "z"))` returns: q and approach of a singular configuration, rad; and its direction is z.
@@ -57,7 +58,8 @@ class SawyerPriorityConflict(Interaction):
     the arm, with x on the wall, cannot follow: it is stretched, and the second level is singular beside the first.
 
     - "regular": from the arm's neutral posture, e = -y, h = `travel`;
-    - "near singular": from a posture 0.4 rad from stretched upwards, e = z, h = `near_travel`.
+    - "near singular": from a posture 0.4 rad from stretched upwards, e = z (or whichever direction a `Place` loses), h =
+      `near_travel`.
 
     See `Interaction` for gains, settings and measured figures.
 
@@ -87,20 +89,28 @@ class SawyerPriorityConflict(Interaction):
         self._require("posture_gain", lambda value: 0.0 <= value <= top, f"in [0, 1 / period] = [0, {top:g}]")
 
     def cases(self) -> tuple[Case, ...]:
-        near = np.array(_SINGULAR) + _DISTANCE * np.array(_APPROACH)
-        places = ((REGULAR, np.array(sawyer().neutral)), (SINGULAR, near))
-        return tuple(Case(gains, place, q) for gains in (PAPER, DAMPED) for place, q in places)
+        near = Place(SINGULAR, np.array(_SINGULAR), np.array(_APPROACH), np.array((0.0, 1.0)), _DISTANCE)
+        places = (Place(REGULAR, np.array(sawyer().neutral)), near)
+        return tuple(self.case_at(gains, place) for gains in (PAPER, DAMPED) for place in places)
+
+    def case_at(self, gains: str, place: Place) -> Case:
+        axis = np.array((0.0, -1.0, 0.0))
+        if place.direction is not None and place.approach is not None:
+            # Towards the singularity, which is the end of the reach, and on.
+            arm = self.arm()
+            axis = np.concatenate(([0.0], place.direction / norm(place.direction)))
+            ahead = arm.pose(place.q, "tool")[1] - arm.pose(place.start(), "tool")[1]
+            axis = -axis if axis @ ahead < 0.0 else axis
+        return Case(gains, place.name, place.start(), axis=axis)
 
     def walls(self, case: Case, position: FloatArray) -> Mapping[str, float]:
         return {"x": float(position[0])}
 
-    def motion(self, place: str, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def motion(self, case: Case, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(3,) each: X_d - X_0 in m, its rate in m/s and its acceleration in m/s^2, at t s."""
-        height, direction = (
-            (self.near_travel, (0.0, 0.0, 1.0)) if place == SINGULAR else (self.travel, (0.0, -1.0, 0.0))
-        )
-        e, w = np.array(direction), 2.0 * math.pi / (self.periods() * self.period)
-        half = 0.5 * height
+        assert case.axis is not None
+        e, w = case.axis, 2.0 * math.pi / (self.periods() * self.period)
+        half = 0.5 * (self.near_travel if case.place == SINGULAR else self.travel)
         return (
             half * (1.0 - math.cos(w * t)) * e,
             half * w * math.sin(w * t) * e,
@@ -110,19 +120,20 @@ class SawyerPriorityConflict(Interaction):
     def experiment(self, case: Case, robot: Robot) -> Experiment:
         gains = self.gains(case, "x")
         M, B, K = gains.M_d, gains.B_d, gains.K_d
-        press = ForceReference("tool", M[:1], B[:1], self.force, axes=("x",), name="force x")
+        back = self.recovery
+        press = ForceReference("tool", M[:1], B[:1], self.force, axes=("x",), recovery=back, name="force x")
         start = robot.pose("tool")[1]
-        follow = ImpedanceReference("tool", start, M[1:3], B[1:3], K[1:3], axes=("y", "z"), name="impedance y, z")
+        follow = ImpedanceReference("tool", start, M[1:3], B[1:3], K[1:3], axes=("y", "z"), recovery=back, name="impedance y, z")
         posture = PostureTask(robot.q, gain=self.posture_gain)
 
         def update(t: float) -> None:
-            offset, velocity, acceleration = self.motion(case.place, t)
+            offset, velocity, acceleration = self.motion(case, t)
             follow.target = start + offset
             follow.target_velocity = np.concatenate((velocity, np.zeros(3)))
             follow.target_acceleration = np.concatenate((acceleration, np.zeros(3)))
 
         def errors(t: float, robot: Robot) -> Mapping[str, float]:
-            error = robot.pose("tool")[1] - (start + self.motion(case.place, t)[0])
+            error = robot.pose("tool")[1] - (start + self.motion(case, t)[0])
             return {"position error y [m]": float(error[1]), "position error z [m]": float(error[2])}
 
-        return Experiment(Stack([press, follow, posture]), update, lambda t: {"x": self.force}, errors)
+        return Experiment(self.stack(press, follow, posture), update, lambda t: {"x": self.force}, errors)

@@ -8,7 +8,6 @@ from typing import ClassVar
 
 from hqp_rp.control.force import ForceReference
 from hqp_rp.control.impedance import ImpedanceReference
-from hqp_rp.control.stack import Stack
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 from hqp_rp.scenarios._interaction import LOWER_AXES, Case, Experiment, Interaction, first_axis_cases, pose_errors
@@ -53,7 +52,7 @@ class SawyerWallContact(Interaction):
 
     def experiment(self, case: Case, robot: Robot) -> Experiment:
         gains = self.gains(case, "x")
-        first = ForceReference("tool", gains.M_d[:1], gains.B_d[:1], self.force, axes=("x",), name="force x")
+        first = ForceReference("tool", gains.M_d[:1], gains.B_d[:1], self.force, axes=("x",), recovery=self.recovery, name="force x")
         start = robot.pose("tool")
         lower = ImpedanceReference(
             "tool",
@@ -62,10 +61,11 @@ class SawyerWallContact(Interaction):
             gains.B_d[1:],
             gains.K_d[1:],
             axes=LOWER_AXES,
+            recovery=self.recovery,
             name="impedance y, z and orientation",
         )
         return Experiment(
-            Stack([first, lower]),
+            self.stack(first, lower),
             lambda t: None,
             lambda t: {"x": self.force},
             lambda t, robot: pose_errors(robot, start, "yz"),

@@ -127,7 +127,7 @@ def test_the_wipe_stays_on_the_wall_and_passes_the_singularity_of_the_orientatio
     scenario = SawyerHybridWipe()
     middle = scenario.periods() // 2
     for place in (REGULAR, SINGULAR):
-        wipe = scenario.wipe(place)
+        wipe = scenario.wipe(case_of(scenario, PAPER, place))
         assert np.ptp(wipe.position[:, 0]) < 1e-12
         assert np.ptp(wipe.position[:, 1:], axis=0).max() > 0.1
         step = np.abs(np.diff(wipe.position, axis=0)).max()
@@ -136,28 +136,29 @@ def test_the_wipe_stays_on_the_wall_and_passes_the_singularity_of_the_orientatio
         moved = 0.5 * scenario.period * (wipe.velocity[1:, :3] + wipe.velocity[:-1, :3]).sum(axis=0)
         np.testing.assert_allclose(moved, wipe.position[-1] - wipe.position[0], atol=1e-6)
     orientation = slice(3, 6)
-    sigma = [beside(q, slice(0, 3), orientation) for q in scenario.wipe(SINGULAR).q]
+    sigma = [beside(q, slice(0, 3), orientation) for q in scenario.wipe(case_of(scenario, PAPER, SINGULAR)).q]
     assert int(np.argmin(sigma)) == middle
     assert sigma[middle] < 1e-6
     assert min(sigma[0], sigma[-1]) > 0.1
-    assert min(beside(q, slice(0, 3), orientation) for q in scenario.wipe(REGULAR).q) > 0.1
+    assert min(beside(q, slice(0, 3), orientation) for q in scenario.wipe(case_of(scenario, PAPER, REGULAR)).q) > 0.1
 
 
 @pytest.mark.parametrize("place", [REGULAR, SINGULAR])
 def test_the_conflict_is_reachable_first_and_not_midway(place: str) -> None:
     """Newton steps along the shortest motion: they meet the target early on and cannot at the farthest point."""
     arm, scenario = sawyer(), SawyerPriorityConflict()
-    q0 = case_of(scenario, PAPER, place).q
+    case = case_of(scenario, PAPER, place)
+    q0 = case.q
     start, misses = arm.pose(q0, "tool")[1], []
     for t in (0.2 * scenario.duration, 0.5 * scenario.duration):
-        offset, velocity, acceleration = scenario.motion(place, t)
+        offset, velocity, acceleration = scenario.motion(case, t)
         q = q0.copy()
         for _ in range(300):
             J = arm.jacobian(q, "tool")[:3]
             miss = start + offset - arm.pose(q, "tool")[1]
             q = q + J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(3), miss)
         misses.append(np.linalg.norm(start + offset - arm.pose(q, "tool")[1]))
-        ahead, behind = (scenario.motion(place, t + h)[0] for h in (1e-4, -1e-4))
+        ahead, behind = (scenario.motion(case, t + h)[0] for h in (1e-4, -1e-4))
         np.testing.assert_allclose(velocity, (ahead - behind) / 2e-4, atol=1e-6)
         np.testing.assert_allclose(acceleration, (ahead - 2 * offset + behind) / 1e-8, atol=1e-4)
     assert misses[0] < 1e-3
