@@ -95,10 +95,11 @@ class SawyerPriorityConflict(Interaction):
 
     def case_at(self, gains: str, place: Place) -> Case:
         axis = np.array((0.0, -1.0, 0.0))
-        if place.direction is not None and place.approach is not None:
+        if place.direction is not None:
+            axis = np.concatenate(([0.0], place.direction / norm(place.direction)))
+        if place.approach is not None:
             # Towards the singularity, which is the end of the reach, and on.
             arm = self.arm()
-            axis = np.concatenate(([0.0], place.direction / norm(place.direction)))
             ahead = arm.pose(place.q, "tool")[1] - arm.pose(place.start(), "tool")[1]
             axis = -axis if axis @ ahead < 0.0 else axis
         return Case(gains, place.name, place.start(), axis=axis)

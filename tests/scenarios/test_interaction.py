@@ -15,7 +15,7 @@ from hqp_rp.core.solution import Status
 from hqp_rp.core.solver import Solver, get_solver
 from hqp_rp.robot.arms import sawyer
 from hqp_rp.scenarios._interaction import DAMPED, PAPER, REGULAR, SINGULAR, Case, Interaction, find_start
-from hqp_rp.scenarios.sawyer_force_tracking import SawyerForceTracking, desired_force
+from hqp_rp.scenarios.sawyer_force_tracking import SawyerForceTracking
 from hqp_rp.scenarios.sawyer_hybrid_wipe import SawyerHybridWipe
 from hqp_rp.scenarios.sawyer_priority_conflict import SawyerPriorityConflict
 from hqp_rp.scenarios.sawyer_wall_contact import SawyerWallContact
@@ -172,7 +172,7 @@ def test_force_is_tracked_at_a_regular_start() -> None:
         assert np.abs(error[-200:]).max() < 0.5
         assert (measured(steps, f"contact {axis}")[1:] == 1.0).all()
     t = steps[-1].parameter + SawyerForceTracking().period
-    assert steps[-1].measured["desired force x [N]"] == desired_force(t) == 30.0 + 5.0 * math.sin(t / math.pi)
+    assert steps[-1].measured["desired force x [N]"] == pytest.approx(30.0 + 5.0 * math.sin(t / math.pi))
 
 
 def test_the_papers_numbers_overshoot_at_the_wall_and_the_damped_ones_do_not() -> None:

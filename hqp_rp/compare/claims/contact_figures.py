@@ -1,19 +1,18 @@
-"""The force scenarios, run and boiled down: one row for each step, and one row of figures for each run and wall."""
+"""A run against walls, step by step, and boiled down to one row of figures for each wall."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.contestants import Contestant
 from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.solution import Status
-from hqp_rp.scenarios._interaction import Interaction
+from hqp_rp.core.solver import Solver
+from hqp_rp.scenarios._interaction import Case, Interaction
 
 SETTLED = 0.05
 """The force has settled when it stays within this share of the desired one."""
@@ -21,20 +20,20 @@ LATE = 1.0 / 3.0
 """The last part of a case, in which "late" figures are taken."""
 
 
-def contact_steps(scenario: Interaction, contestant: Contestant, seed: int = 0) -> pl.DataFrame:
+def case_steps(scenario: Interaction, case: Case, label: str, solver: Solver, seed: int = 0) -> pl.DataFrame:
     """One row for each step: scenario, case, contestant, seed, time (s), status, "level 1 miss", and what was measured.
 
     "level 1 miss" is |J_1 x - v_1| as solved, before the command is shortened, in the unit of the first level.
     """
-    solver = dataclasses.replace(contestant.solver)  # workspaces and warm starts of its own
+    fresh = dataclasses.replace(solver)  # workspaces and warm starts of its own
     rows: list[dict[str, Any]] = []
-    for step in scenario.steps(solver, seed):
+    for step in scenario.run_case(case, scenario.contact_arm(case, seed), fresh, seed):
         x, first = step.solution.x, step.problem.levels[0]
         rows.append(
             {
                 "scenario": type(scenario).name,
                 "case": step.case,
-                "contestant": contestant.label,
+                "contestant": label,
                 "seed": seed,
                 "time": step.parameter,
                 "status": step.solution.status.name,
@@ -43,23 +42,6 @@ def contact_steps(scenario: Interaction, contestant: Contestant, seed: int = 0) 
             }
         )
     return pl.DataFrame(rows, infer_schema_length=None)
-
-
-def run_contacts(
-    scenarios: Sequence[Interaction], contestants: Sequence[Contestant], *, seed: int = 0, workers: int = 1
-) -> pl.DataFrame:
-    """`contact_steps` of every scenario with every contestant, in that order, over `workers` processes."""
-    pairs = [(scenario, contestant) for scenario in scenarios for contestant in contestants]
-    if workers == 1:
-        found = [contact_steps(scenario, contestant, seed) for scenario, contestant in pairs]
-    else:
-        import joblib
-
-        with joblib.parallel_config("loky", inner_max_num_threads=1):
-            found = joblib.Parallel(n_jobs=workers, batch_size=1)(
-                joblib.delayed(contact_steps)(scenario, contestant, seed) for scenario, contestant in pairs
-            )
-    return pl.concat(found, how="diagonal")
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -105,7 +87,7 @@ class ContactFigures:
 
 
 def contact_figures(steps: pl.DataFrame) -> list[ContactFigures]:
-    """The figures of every run in `contact_steps`' frame, in the order in which they were run."""
+    """The figures of every run in `case_steps`' frame, in the order in which they were run."""
     keys = ("scenario", "case", "contestant")
     found = []
     for names, part in steps.group_by(*keys, maintain_order=True):
