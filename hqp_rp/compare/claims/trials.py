@@ -19,7 +19,7 @@ from hqp_rp.scenarios._interaction import Interaction, Place
 from hqp_rp.scenarios.sawyer_force_tracking import SawyerForceTracking
 from hqp_rp.scenarios.sawyer_push_response import SawyerPushResponse
 
-_BLOCK = 20
+_BLOCK = 10_000  # control periods in one block: some seconds
 _SETTINGS = ("servo", "stiffness", "delay", "noise", "friction", "damping_ratio", "hard_limits", "first", "travel")
 
 
@@ -97,9 +97,15 @@ def row(trial: Trial, steps: pl.DataFrame) -> dict[str, Any]:
 
 def run_trials(trials: Sequence[Trial], folder: RunFolder, *, workers: int | None, progress: bool) -> pl.DataFrame:
     """A row for each trial, in their order; blocks of them are kept in `folder` as soon as they are finished."""
-    size = 1 if len(trials) < _BLOCK else _BLOCK
     ordered = sorted(range(len(trials)), key=lambda i: -trials[i].length)  # long ones first: no core waits at the end
-    blocks = [[trials[i] for i in ordered[k : k + size]] for k in range(0, len(ordered), size)]
+    blocks: list[list[Trial]] = []
+    room = 0
+    for i in ordered:
+        if trials[i].length > room:
+            blocks.append([])
+            room = max(_BLOCK, trials[i].length)
+        blocks[-1].append(trials[i])
+        room -= trials[i].length
     known = repr(sorted(versions().items()))
     keys = [digest(known, *(trial.key for trial in block)) for block in blocks]
     left = [i for i, key in enumerate(keys) if not folder.has(key)]
@@ -110,8 +116,8 @@ def run_trials(trials: Sequence[Trial], folder: RunFolder, *, workers: int | Non
             advance(lengths[i], blocks[i][0].experiment)
     frames = [folder.load([key]) for key in keys]
     together = pl.concat(frames, how="diagonal_relaxed")
-    place = np.argsort(ordered, kind="stable")
-    return together[place.tolist()]
+    place = pl.Series(np.argsort(ordered, kind="stable"))
+    return together.select(pl.all().gather(place))
 
 
 def _finished(left: Sequence[tuple[int, list[Trial]]], workers: int) -> Iterator[tuple[int, pl.DataFrame]]:

@@ -1,0 +1,137 @@
+"""How often something holds: shares and medians over postures, with bootstrap intervals, and what another threshold would say."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hqp_rp.compare.report import number, share
+from hqp_rp.core.problem import FloatArray
+
+MOST, HALF = 0.95, 0.5
+"""A criterion holds where at least this share of the runs meets it, and does not where less than half of them do."""
+FACTOR = 3.0
+"""Thresholds are tried this many times smaller and larger."""
+RESAMPLES = 1000
+_SEED = 0
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Outcome:
+    """One criterion under one condition: a figure of each run, and the threshold that it must not pass.
+
+    Attributes:
+        label: the condition. runs: how many there are.
+        passed: share of the runs within the threshold; low, high: its 95 % interval, postures drawn again with their runs.
+        stricter, looser: the share at a threshold `FACTOR` times smaller and larger.
+        median, median_low, median_high: of the figure, and its interval likewise.
+    """
+
+    label: str
+    runs: int
+    passed: float
+    low: float
+    high: float
+    stricter: float
+    looser: float
+    median: float
+    median_low: float
+    median_high: float
+
+    @property
+    def holds(self) -> bool | None:
+        """True, False, or None where it holds in some postures."""
+        return _state(self.passed)
+
+    @property
+    def turns(self) -> str:
+        """With which other threshold it would be ruled on otherwise: "smaller", "larger", "smaller or larger" or ""."""
+        other = [
+            words
+            for words, value in (("smaller", self.stricter), ("larger", self.looser))
+            if _state(value) != self.holds
+        ]
+        return " or ".join(other)
+
+    def words(self) -> str:
+        """The share with its interval, as a report says it."""
+        return f"{self.label} {share(self.passed)} ({share(self.low)} to {share(self.high)})"
+
+    def figure(self, unit: str, scale: float = 1.0) -> str:
+        """The median with its interval."""
+        middle, low, high = (number(scale * v) for v in (self.median, self.median_low, self.median_high))
+        return f"{middle} {unit} ({low} to {high})".replace("  ", " ")
+
+
+def _state(passed: float) -> bool | None:
+    return True if passed >= MOST else False if passed < HALF else None
+
+
+def outcome(
+    label: str,
+    rows: pl.DataFrame,
+    values: str | FloatArray,
+    threshold: float,
+    *,
+    stricter: float | None = None,
+    looser: float | None = None,
+) -> Outcome:
+    """The outcome of a figure over the runs in `rows`; a run without the figure does not meet any threshold.
+
+    Args:
+        label: the condition. rows: the runs, with their posture. values: a column, or a number for each row.
+        threshold: the largest figure that meets the criterion.
+        stricter, looser: the other thresholds; by default `FACTOR` times smaller and larger.
+    """
+    found = rows[values].cast(pl.Float64).fill_null(math.inf).to_numpy() if isinstance(values, str) else values
+    found = np.where(np.isnan(found), np.inf, found)
+    limits = (
+        threshold,
+        threshold / FACTOR if stricter is None else stricter,
+        threshold * FACTOR if looser is None else looser,
+    )
+    within = [found <= limit for limit in limits]
+    postures = rows["posture"].to_numpy()
+    shares, medians = _resampled(found, within[0], postures)
+    low, high = np.quantile(shares, (0.025, 0.975)).tolist()
+    # Medians may be infinite: an interval between order statistics, not between interpolated ones.
+    median_low, median_high = np.quantile(medians, (0.025, 0.975), method="nearest").tolist()
+    passed, strict, loose = (float(met.mean()) for met in within)
+    return Outcome(label, len(found), passed, low, high, strict, loose, _median(found), median_low, median_high)
+
+
+def _median(values: FloatArray) -> float:
+    ordered = np.sort(values)
+    lower, upper = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
+    return float(lower if lower == upper else 0.5 * (lower + upper))
+
+
+def _resampled(
+    values: FloatArray, within: NDArray[np.bool_], postures: NDArray[np.int64]
+) -> tuple[FloatArray, FloatArray]:
+    """Share and median of each resample of the postures, each with all its runs."""
+    rng = np.random.default_rng(_SEED)
+    groups = [np.flatnonzero(postures == p) for p in np.unique(postures)]
+    shares, medians = np.empty(RESAMPLES), np.empty(RESAMPLES)
+    for k in range(RESAMPLES):
+        chosen = np.concatenate([groups[g] for g in rng.integers(len(groups), size=len(groups))])
+        shares[k], medians[k] = within[chosen].mean(), _median(values[chosen])
+    return shares, medians
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """In one sentence or more: where it holds, where it does not, where some postures decide, and what hangs on thresholds."""
+    parts = []
+    for state, words in ((True, "Holds"), (None, "In some postures"), (False, "Does not hold")):
+        own = [o.words() for o in outcomes if o.holds is state]
+        if own:
+            parts.append(f"{words}: {'; '.join(own)}.")
+    turning = [f"{o.label} ({o.turns})" for o in outcomes if o.turns]
+    if turning:
+        parts.append(f"A threshold {FACTOR:g} times smaller or larger would change: {'; '.join(turning)}.")
+    return " ".join(parts)
