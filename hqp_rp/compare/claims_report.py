@@ -131,9 +131,11 @@ def study_claims(
     )
     shown: list[str] = []
     if films:
-        from hqp_rp.compare.film import film_all
+        from hqp_rp.compare.film import Shot, film_all
 
-        shown = film_all(scenarios, [c for c in contestants if c.label in HALVED], folder.path / "films")
+        halved = [contestant for contestant in contestants if contestant.label in HALVED]
+        shots = {type(s).name: [Shot(s, s.cases()[-1], contestant) for contestant in halved] for s in scenarios}
+        shown = film_all(shots, folder.path / "films")
     write_report(study.report(shown), folder.path, workers=cores)
     return [f"{r.claim} {r.verdict}" for r in rulings(Study(contact_figures(study.steps)), quick=quick)] + shown
 

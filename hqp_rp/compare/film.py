@@ -108,8 +108,8 @@ def film(shots: Sequence[Shot], path: pathlib.Path) -> None:
     end = max(float(run.time[-1]) for run in runs)
     with contextlib.ExitStack() as stack:
         sheet = _Sheet(runs, _stages(runs, stack), end)
-        times = np.arange(period, end + 0.5 * period, 1.0 / FRAMES_PER_SECOND)
-        frames = [sheet.frame(float(time), float(time)) for time in (*times, end)]
+        times = np.arange(period, end - 0.5 * period, 1.0 / FRAMES_PER_SECOND).tolist()
+        frames = [sheet.frame(time, time) for time in (*times, end)]
         still = sheet.frame(_telling(runs, period, end), end)
     path.parent.mkdir(parents=True, exist_ok=True)
     still.save(path.with_suffix(".png"), optimize=True)
@@ -215,11 +215,9 @@ class _Sheet:
             name = type(shot.scenario).name.removeprefix("sawyer_").replace("_", " ")
             for words, y, largest, colour in (
                 (shot.title or shot.contestant.label, 8, 22, _INK),
-                (f"{shot.contestant.label}, {name}: {shot.case.name}", 36, 14, _GREY),
+                (f"{shot.contestant.label}, " * bool(shot.title) + f"{name}: {shot.case.name}", 36, 14, _GREY),
             ):
                 draw.text((COLUMN * i + 12, y), words, fill=colour, font=_fitting(words, largest))
-            if i:
-                draw.line([(COLUMN * i, 0), (COLUMN * i, size[1] - FOOT)], fill="#d0d0d0")
         self._bare, self._curves, self._left, self._right, self._rise = _curves(runs, end)
 
     def frame(self, time: float, shown: float) -> Image.Image:
@@ -242,6 +240,8 @@ class _Sheet:
             sheet.paste(self._curves.crop((left, 0, until, CURVE)), (left, y))
             mark = left + self._across(time)
             draw.line([(mark, y + self._rise[0]), (mark, y + self._rise[1])], fill=_INK, width=2)
+            if left:
+                draw.line([(left, 0), (left, sheet.height - FOOT)], fill="#d0d0d0")
         self._foot(draw, time)
         return sheet
 
@@ -262,9 +262,11 @@ class _Sheet:
     ) -> None:
         x, y = corner
         for axis, value in force.items():
-            draw.text((x, y), f"{value:.0f} N", fill=COLOURS[axis], font=_font(30))
-            draw.text((x + 84, y + 2), f"on the wall in {axis}", fill=COLOURS[axis], font=_font(12))
-            draw.text((x + 84, y + 17), f"desired {wish[axis]:.0f} N", fill=_GREY, font=_font(12))
+            words, where = f"{value:.0f} N", f"on the wall in {axis}" if len(force) > 1 else "on the wall"
+            draw.text((x, y), words, fill=COLOURS[axis], font=_font(30))
+            beside = x + max(84, round(_font(30).getlength(words)) + 8)
+            draw.text((beside, y + 2), where, fill=COLOURS[axis], font=_font(13))
+            draw.text((beside, y + 17), f"desired {wish[axis]:.0f} N", fill=_GREY, font=_font(13))
             y += 38
         if stopped:
             draw.text((x, y), stopped, fill=_RED, font=_font(20))
@@ -284,23 +286,22 @@ def _curves(runs: Sequence[_Run], end: float) -> tuple[Image.Image, Image.Image,
     wish = max(float(values.max()) for run in runs for values in run.desired.values())
     most = max(float(values.max()) for run in runs for values in run.force.values())
     top = 1.12 * min(max(most, wish), _MOST * wish)
-    left, right, low, high = 52, COLUMN - 12, 38, CURVE - 8
+    left, right, low, high = 52, COLUMN - 16, 38, CURVE - 24
     measured = []
     for i, run in enumerate(runs):
         width = COLUMN * len(runs)
-        axes = figure.add_axes(
-            ((COLUMN * i + left) / width, low / CURVE, (right - left) / width, (high - low) / CURVE)
-        )
+        axes = figure.add_axes(((COLUMN * i + left) / width, low / CURVE, (right - left) / width, (high - low) / CURVE))
         for axis, values in run.desired.items():
             label = "desired" if axis == next(iter(run.desired)) else "_"
             axes.plot(run.time, values, color="#a0a0a0", linewidth=3.0, label=label)
-            measured += axes.plot(run.time, run.force[axis], color=COLOURS[axis], linewidth=1.6, label=f"force in {axis}")
+            label = f"measured in {axis}" if len(run.force) > 1 else "measured"
+            measured += axes.plot(run.time, run.force[axis], color=COLOURS[axis], linewidth=1.6, label=label)
         axes.set_xlim(0.0, end)
         axes.set_ylim(min(0.0, -0.02 * top), top)
         axes.set_xlabel("time (s)", fontsize=8, labelpad=1.0)
         axes.set_ylabel("force (N)", fontsize=8)
         axes.tick_params(labelsize=8)
-        axes.legend(loc="lower right", fontsize=8, frameon=False, ncols=3)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), fontsize=8, frameon=False, ncols=3, borderpad=0.0)
         axes.spines[["top", "right"]].set_visible(False)
     pictures = []
     for visible in (False, True):

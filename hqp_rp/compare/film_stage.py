@@ -21,13 +21,15 @@ COLOURS = {"x": "#0072B2", "y": "#009E73", "z": "#CC79A7"}
 WHOLE, NEAR = (300, 220), (180, 180)
 """Height and width in pixels of the picture of the whole arm and of the close-up."""
 
-_ARM, _BALL, _WALL = (0.70, 0.73, 0.77, 1.0), (0.95, 0.45, 0.0, 1.0), (0.62, 0.50, 0.36, 0.55)
-_FLOOR, _WISH, _PAPER = (0.35, 0.37, 0.40, 1.0), (0.25, 0.25, 0.25, 0.35), (1.0, 1.0, 1.0, 1.0)
+_ARM, _BALL, _WALL = (0.70, 0.73, 0.77, 1.0), (0.95, 0.45, 0.0, 1.0), (0.56, 0.42, 0.26, 0.5)
+_FOOT, _WISH, _PAPER = (0.35, 0.37, 0.40, 1.0), (0.45, 0.45, 0.45, 1.0), (1.0, 1.0, 1.0, 1.0)
 _LAST_LINK = 0.5 * BALL_RADIUS  # m; as thick as it is, it would hide the ball
 _PATCH, _AROUND, _THICK = 0.09, 0.06, 0.004  # m: least half size of a wall, room around the path, half its thickness
 _LIMB = 0.08  # m, around the joints, of what the arm's links take
-_ELEVATION = -14.0
-_AZIMUTH = {1: 68.0, 2: 40.0}  # degrees, by the number of walls: one is seen from its side, two from their bisector
+_FOOT_SIZE, _FOOT_PLACE = np.array((0.11, 0.1, 0.0)), np.array((0.0, 0.0, -0.1))  # m: radius and half height
+_BELOW = np.array((0.0, 0.0, -0.035))  # m, from the arrow of a force to that of the desired one
+_RADII = (0.012, 0.006)  # m, of arrows in the two pictures
+_ONE, _TWO = (76.0, -14.0), (45.0, -55.0)  # degrees: a wall is seen almost along it, a corner from above
 _IDENTITY = np.eye(3)
 
 
@@ -53,13 +55,13 @@ class Stage:
         self._dress()
         joints, tools = self._reach(paths)
         self._patches = [self._patch(axis, tools) for axis in most]
-        azimuth = _AZIMUTH[min(len(most), 2)]
+        view = _ONE if len(most) == 1 else _TWO
         corners = [center + sign * half for center, half in self._patches for sign in (-1.0, 1.0)]
         tips = [self._touch(axis, tool) + self._arrow(axis, most[axis]) for axis in most for tool in tools]
-        self._whole = _camera([*joints, *corners, *tips], azimuth, WHOLE, _LIMB)
+        self._whole = _camera([*joints, *corners, *tips, 2.0 * _FOOT_PLACE], view, WHOLE, _LIMB)
         around = [sign * _AROUND * row for row in _IDENTITY for sign in (-1.0, 1.0)]
         tips = [self._arrow(axis, 1.1 * wish[axis]) for axis in most]
-        self._near = _camera([*around, *tips], azimuth, NEAR, 0.0)
+        self._near = _camera([*around, *tips], view, NEAR, 0.0)
         self._offset = np.array(self._near.lookat)
 
     def __enter__(self) -> Self:
@@ -81,18 +83,20 @@ class Stage:
             touch["xyz".index(axis)] = self._surface[axis]
         self._near.lookat[:] = touch + self._offset
         found = []
-        for renderer, camera in zip(self._renderers, (self._whole, self._near), strict=True):
+        around = [self._patch(axis, [tool]) for axis in self._surface]
+        views = ((self._whole, self._patches), (self._near, around))
+        for renderer, (camera, patches), radius in zip(self._renderers, views, _RADII, strict=True):
             renderer.update_scene(self._data, camera)
-            self._decorate(renderer.scene, camera)
+            _decorate(renderer.scene, camera, patches)
             for axis in self._surface:
                 start = self._touch(axis, tool)
-                for value, colour, radius in (
-                    (wish[axis], _WISH, 0.009),
-                    (force[axis], _rgba(COLOURS[axis]), 0.006),
+                for value, place, colour in (
+                    (wish[axis], start + _BELOW, _WISH),
+                    (force[axis], start, _rgba(COLOURS[axis])),
                 ):
                     if value > 0.0:
-                        tip = start + self._arrow(axis, min(value, self._most[axis]))
-                        _add_arrow(renderer.scene, start, tip, radius, colour)
+                        tip = place + self._arrow(axis, min(value, self._most[axis]))
+                        _add_arrow(renderer.scene, place, tip, radius, colour)
             found.append(renderer.render())
         return found
 
@@ -131,26 +135,29 @@ class Stage:
         return ARROW * force * _IDENTITY["xyz".index(axis)]
 
     def _patch(self, axis: str, tools: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Center and half sizes (3,) of what is drawn of a wall: around the path, and not past the other wall."""
+        """Center and half sizes (3,) of what is drawn of a wall: around the path; in a corner up to the other wall, and not
+        so high that the arrows are behind it."""
         low, high = np.min(tools, axis=0), np.max(tools, axis=0)
         center = 0.5 * (low + high)
         half = np.maximum(0.5 * (high - low) + _AROUND, _PATCH)
         low, high = center - half, center + half
-        for other, surface in self._surface.items():
-            high["xyz".index(other)] = surface
+        if len(self._surface) > 1:
+            high[2] = np.max(tools, axis=0)[2] + 0.5 * BALL_RADIUS
+            for other, surface in self._surface.items():
+                high["xyz".index(other)] = surface
         i = "xyz".index(axis)
         low[i], high[i] = self._surface[axis], self._surface[axis] + 2.0 * _THICK
         return 0.5 * (low + high), 0.5 * (high - low)
 
-    def _decorate(self, scene: Any, camera: Any) -> None:
-        """Walls, a foot, and white paper far behind everything."""
-        for center, half in self._patches:
-            _add(scene, mujoco.mjtGeom.mjGEOM_BOX, half, center, _IDENTITY, _WALL, 0.3)
-        foot = np.array((0.13, 0.13, 0.012))
-        _add(scene, mujoco.mjtGeom.mjGEOM_CYLINDER, foot, np.array((0.0, 0.0, -0.07)), _IDENTITY, _FLOOR, 0.0)
-        axes = _camera_axes(camera.azimuth, camera.elevation)
-        paper = np.array((20.0, 20.0, 0.01))
-        _add(scene, mujoco.mjtGeom.mjGEOM_BOX, paper, camera.lookat + 5.0 * axes[2], axes.T, _PAPER, 1.0)
+
+def _decorate(scene: Any, camera: Any, patches: Sequence[tuple[FloatArray, FloatArray]]) -> None:
+    """Walls, a foot, and white paper far behind everything."""
+    for center, half in patches:
+        _add(scene, mujoco.mjtGeom.mjGEOM_BOX, half, center, _IDENTITY, _WALL, 0.15)
+    _add(scene, mujoco.mjtGeom.mjGEOM_CYLINDER, _FOOT_SIZE, _FOOT_PLACE, _IDENTITY, _FOOT, 0.0)
+    axes = _camera_axes(camera.azimuth, camera.elevation)
+    paper = np.array((20.0, 20.0, 0.01))
+    _add(scene, mujoco.mjtGeom.mjGEOM_BOX, paper, camera.lookat + 5.0 * axes[2], axes.T, _PAPER, 1.0)
 
 
 def _add(
@@ -165,7 +172,7 @@ def _add(
 
 def _add_arrow(scene: Any, start: FloatArray, tip: FloatArray, radius: float, rgba: Sequence[float]) -> None:
     kind = mujoco.mjtGeom.mjGEOM_ARROW
-    geom = _add(scene, kind, np.zeros(3), np.zeros(3), _IDENTITY, rgba, 0.5)
+    geom = _add(scene, kind, np.zeros(3), np.zeros(3), _IDENTITY, rgba, 0.2)
     mujoco.mjv_connector(geom, kind, radius, start, tip)
 
 
@@ -177,17 +184,18 @@ def _camera_axes(azimuth: float, elevation: float) -> FloatArray:
     return np.array((right, np.cross(right, forward), forward))
 
 
-def _camera(points: Sequence[FloatArray], azimuth: float, size: tuple[int, int], room: float) -> Any:
-    """A camera as near as keeps all points (3,), and `room` in m around each, in a picture of that height and width."""
+def _camera(points: Sequence[FloatArray], view: tuple[float, float], size: tuple[int, int], room: float) -> Any:
+    """A camera at `view`, azimuth and elevation, as near as keeps all points (3,), and `room` in m around each, in a picture
+    of that height and width."""
     camera = mujoco.MjvCamera()
-    axes = _camera_axes(azimuth, _ELEVATION)
+    axes = _camera_axes(*view)
     seen = np.array(points) @ axes.T
     center = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     right, up, depth = (seen - center).T
     slope = math.tan(math.radians(22.5))  # MuJoCo's field of view is 45 degrees high
     distance = np.maximum((np.abs(up) + room) / slope, (np.abs(right) + room) / (slope * size[1] / size[0])) - depth
     camera.lookat[:], camera.distance = center @ axes, float(distance.max())
-    camera.azimuth, camera.elevation = azimuth, _ELEVATION
+    camera.azimuth, camera.elevation = view
     return camera
 
 
