@@ -15,6 +15,8 @@ from hqp_rp.scenarios._contact import BALL_RADIUS, ContactArm
 
 ARROW = 0.15 / 30.0
 """m per N."""
+MOST = 4.0
+"""Of the desired force: what is larger leaves the chart, and its arrow grows no more."""
 COLOURS = {"x": "#0072B2", "y": "#009E73", "z": "#CC79A7"}
 """Axis -> the colour of its force, in arrows and curves."""
 
@@ -132,7 +134,8 @@ class Stage:
         return point
 
     def _arrow(self, axis: str, force: float) -> FloatArray:
-        return ARROW * force * _IDENTITY["xyz".index(axis)]
+        arrow: FloatArray = ARROW * force * _IDENTITY["xyz".index(axis)]
+        return arrow
 
     def _patch(self, axis: str, tools: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Center and half sizes (3,) of what is drawn of a wall: around the path; in a corner up to the other wall, and not
