@@ -24,7 +24,7 @@ WHOLE, NEAR = (300, 220), (180, 180)
 """Height and width in pixels of the picture of the whole arm and of the close-up."""
 
 _ARM, _BALL, _WALL = (0.70, 0.73, 0.77, 1.0), (0.95, 0.45, 0.0, 1.0), (0.56, 0.42, 0.26, 0.5)
-_FOOT, _WISH, _PAPER = (0.35, 0.37, 0.40, 1.0), (0.45, 0.45, 0.45, 1.0), (1.0, 1.0, 1.0, 1.0)
+_FOOT, _WISH, _PAPER = (0.35, 0.37, 0.40, 1.0), (0.28, 0.28, 0.28, 1.0), (1.0, 1.0, 1.0, 1.0)
 _LAST_LINK = 0.5 * BALL_RADIUS  # m; as thick as it is, it would hide the ball
 _PATCH, _AROUND, _THICK = 0.09, 0.06, 0.004  # m: least half size of a wall, room around the path, half its thickness
 _LIMB = 0.08  # m, around the joints, of what the arm's links take
@@ -53,6 +53,7 @@ class Stage:
     ) -> None:
         self._model, self._data = contact.robot.model, contact.robot.data
         self._surface = {axis: float(self._model.geom(f"wall {axis}").pos["xyz".index(axis)]) for axis in most}
+        self._across = np.array([axis in most for axis in "xyz"])
         self._most = most
         self._dress()
         joints, tools = self._reach(paths)
@@ -80,10 +81,11 @@ class Stage:
         """The whole arm and the close-up, (height, width, 3) bytes, at q (n,), rad, with arrows for the forces, N."""
         self._place(q)
         tool = np.array(self._data.site("tool").xpos)
-        touch = tool.copy()
+        corner = tool + _AROUND
         for axis in self._surface:
-            touch["xyz".index(axis)] = self._surface[axis]
-        self._near.lookat[:] = touch + self._offset
+            corner = np.minimum(corner, self._touch(axis, corner))
+        # The close-up stays with the wall until the ball is so far away that it would be lost.
+        self._near.lookat[:] = np.where(self._across, corner, tool) + self._offset
         found = []
         around = [self._patch(axis, [tool]) for axis in self._surface]
         views = ((self._whole, self._patches), (self._near, around))
