@@ -229,7 +229,50 @@ class Bars:
         return found
 
 
-Chart = Lines | Dots | Bars
+@dataclasses.dataclass(frozen=True, slots=True)
+class Grid:
+    """A map: one coloured cell for each pair of settings, with its number in it.
+
+    Attributes:
+        name, title, caption, x_label: as in `Lines`. y_label: of the rows.
+        columns, rows: the settings, in words, from left to right and from bottom to top.
+        values: (rows, columns), nan for an empty cell. texts: likewise, what stands in the cell.
+        low, high: the ends of the colour scale, which is logarithmic; both > 0. colour_label: what the colour is.
+        line: (words, x, y) of a curve over the map, in places of cells counted from 0; None for none.
+    """
+
+    name: str
+    title: str
+    caption: str
+    x_label: str
+    y_label: str
+    columns: tuple[str, ...]
+    rows: tuple[str, ...]
+    values: FloatArray
+    texts: tuple[tuple[str, ...], ...]
+    low: float
+    high: float
+    colour_label: str
+    line: tuple[str, FloatArray, FloatArray] | None = None
+
+    def colours(self) -> FloatArray:
+        """(rows, columns) in [0, 1], nan for an empty cell."""
+        places = np.log(np.clip(self.values, self.low, self.high) / self.low)
+        coloured: FloatArray = places / np.log(self.high / self.low)
+        return coloured
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture that something else drew. name, title, caption: as in `Lines`. png: the file's bytes."""
+
+    name: str
+    title: str
+    caption: str
+    png: bytes
+
+
+Chart = Lines | Dots | Bars | Grid | Picture
 
 
 def thinned(y: FloatArray, points: int = 240) -> NDArray[np.int64]:

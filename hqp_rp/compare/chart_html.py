@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from typing import Any
 
+import markupsafe
 import numpy as np
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
-from hqp_rp.compare.chart import Bars, Chart, Dots, Lines, Style
+from hqp_rp.compare.chart import Bars, Chart, Dots, Grid, Lines, Picture, Style
 from hqp_rp.core.problem import FloatArray
 
 _GREY = "#666666"
@@ -24,8 +26,14 @@ def script() -> str:
 
 def html(chart: Chart, styles: dict[str, Style]) -> str:
     """The chart as a piece of a page that holds `script()`."""
+    if isinstance(chart, Picture):
+        data = base64.b64encode(chart.png).decode()
+        words = markupsafe.escape(chart.title)
+        return f'<div><img alt="{words}" style="width: 100%" src="data:image/png;base64,{data}"></div>'
     if isinstance(chart, Bars):
         figure = _bars(chart)
+    elif isinstance(chart, Grid):
+        figure = _grid(chart)
     else:
         figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
     figure.update_layout(
@@ -215,6 +223,33 @@ def _bars(chart: Bars) -> Any:
     legend = {"orientation": "h", "y": 1.0, "yanchor": "bottom"}
     figure.update_layout(barmode="overlay", height=140 + 20 * int(last + 1.0), legend=legend,
                          margin={"l": 190, "r": 20, "t": 60, "b": 50})  # fmt: skip
+    return figure
+
+
+def _grid(chart: Grid) -> Any:
+    figure = go.Figure()
+    ticks = np.geomspace(chart.low, chart.high, 4)
+    scale = {"tickvals": [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0], "ticktext": [f"{tick:.2g}" for tick in ticks],
+             "title": {"text": chart.colour_label, "side": "right"}}  # fmt: skip
+    figure.add_trace(
+        go.Heatmap(
+            z=[_short(row) for row in chart.colours()], x=list(range(len(chart.columns))), y=list(range(len(chart.rows))),
+            text=[list(row) for row in chart.texts], texttemplate="%{text}", colorscale="RdYlBu_r", zmin=0.0, zmax=1.0,
+            colorbar=scale, hovertemplate="%{text}<extra></extra>", opacity=0.85,
+        )
+    )  # fmt: skip
+    if chart.line is not None:
+        words, x, y = chart.line
+        figure.add_trace(
+            go.Scatter(x=_short(x), y=_short(y), mode="lines", name=words, line={"color": "black", "dash": "dash"})
+        )
+    figure.update_xaxes(tickvals=list(range(len(chart.columns))), ticktext=list(chart.columns), title_text=chart.x_label,
+                        range=[-0.5, len(chart.columns) - 0.5], showgrid=False)  # fmt: skip
+    figure.update_yaxes(tickvals=list(range(len(chart.rows))), ticktext=list(chart.rows), title_text=chart.y_label,
+                        range=[-0.5, len(chart.rows) - 0.5], showgrid=False)  # fmt: skip
+    figure.update_layout(height=150 + 38 * len(chart.rows), showlegend=chart.line is not None,
+                         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom"},
+                         margin={"l": 90, "r": 20, "t": 40, "b": 60})  # fmt: skip
     return figure
 
 

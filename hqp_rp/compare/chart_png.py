@@ -12,16 +12,21 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from hqp_rp.compare.chart import Bars, Chart, Dots, Lines, Style
+from hqp_rp.compare.chart import Bars, Chart, Dots, Grid, Lines, Picture, Style
 
 _DASH: dict[str, Any] = {"solid": "-", "dash": (0, (4, 1.5)), "dot": (0, (1, 1.5))}
 _GREY = "#666666"
+_MAP = "RdYlBu_r"
 
 
 def png(chart: Chart, styles: dict[str, Style]) -> bytes:
     """The chart as a PNG file; the same data gives the same bytes."""
+    if isinstance(chart, Picture):
+        return chart.png
     if isinstance(chart, Bars):
         figure = _bars(chart)
+    elif isinstance(chart, Grid):
+        figure = _grid(chart)
     else:
         figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
     buffer = io.BytesIO()
@@ -220,3 +225,35 @@ def _row_places(chart: Dots) -> dict[str, float]:
             at += 1.0
         at += 0.6
     return places
+
+
+def _grid(chart: Grid) -> Figure:
+    columns, rows = len(chart.columns), len(chart.rows)
+    width, height = 2.4 + 0.78 * columns, 1.6 + 0.42 * rows
+    title = _title(chart.title, width - 0.4)
+    height += 0.2 * title.count("\n")
+    figure = Figure(figsize=(width, height), facecolor="white")
+    top = 0.55 + 0.2 * title.count("\n")
+    axes = figure.add_axes((1.15 / width, 0.75 / height, 0.78 * columns / width, 1.0 - (0.75 + top) / height))
+    figure.text(0.2 / width, 1.0 - 0.12 / height, title, fontsize=12, fontweight="bold", va="top")
+    picture = axes.imshow(chart.colours(), origin="lower", aspect="auto", cmap=_MAP, vmin=0.0, vmax=1.0, alpha=0.85)
+    for r, row in enumerate(chart.texts):
+        for c, words in enumerate(row):
+            axes.text(c, r, words, ha="center", va="center", fontsize=8)
+    if chart.line is not None:
+        words, x, y = chart.line
+        axes.plot(x, y, color="black", linewidth=2.0, linestyle=(0, (4, 1.5)), label=words, clip_on=True)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8, frameon=False, borderpad=0.1)
+    axes.set_xlim(-0.5, columns - 0.5)
+    axes.set_ylim(-0.5, rows - 0.5)
+    axes.set_xticks(range(columns), chart.columns, fontsize=8.5)
+    axes.set_yticks(range(rows), chart.rows, fontsize=8.5)
+    axes.set_xlabel(chart.x_label, fontsize=9)
+    axes.set_ylabel(chart.y_label, fontsize=9)
+    axes.tick_params(color=_GREY, length=2)
+    bar = figure.colorbar(picture, ax=axes, cax=figure.add_axes((1.0 - 0.95 / width, 0.75 / height, 0.16 / width,
+                          1.0 - (0.75 + top) / height)))  # fmt: skip
+    ticks = np.geomspace(chart.low, chart.high, 4)
+    bar.set_ticks(np.linspace(0.0, 1.0, 4).tolist(), labels=[f"{tick:.2g}" for tick in ticks], fontsize=8)
+    bar.set_label(chart.colour_label, fontsize=8.5)
+    return figure

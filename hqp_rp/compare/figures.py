@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.chart import Chart, Dots, Line, Lines
+from hqp_rp.compare.chart import Bars, Chart, Dots, Line, Lines
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.metrics import parting_frame
 from hqp_rp.compare.panels import (
@@ -55,7 +55,7 @@ def scenario_charts(
 def _has_data(chart: Chart) -> bool:
     if isinstance(chart, Lines):
         return any(map(any, chart.panels))
-    return bool(chart.columns if isinstance(chart, Dots) else chart.groups)
+    return bool(chart.columns if isinstance(chart, Dots) else isinstance(chart, Bars) and chart.groups)
 
 
 def _family(

@@ -1,23 +1,28 @@
-"""Short films of the force scenarios, rendered by MuJoCo off screen: an animated WebP for each."""
+"""Short films of the force scenarios: the arm at the wall, an arrow for the force and its curve, solvers side by side."""
 
 from __future__ import annotations
 
 import concurrent.futures
-import dataclasses
+import contextlib
 import multiprocessing
 import os
 import pathlib
 import subprocess
 import sys
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
-from hqp_rp.compare.contestants import Contestant
-from hqp_rp.scenarios._interaction import Case, Interaction
+import numpy as np
 
-WIDTH, HEIGHT = 320, 320
+from hqp_rp.compare.film_sheet import Sheet
+from hqp_rp.compare.film_shot import Run, Shot, record, telling
+from hqp_rp.compare.film_stage import MOST, Stage
+
+__all__ = ["Shot", "film", "film_all", "gl_missing"]
+
 FRAMES_PER_SECOND = 20
-QUALITY = 60
+QUALITY = 70
+LAST = 1500
+"""ms for which the last frame stays before the film begins again."""
 
 _EGL = "egl"
 _PATIENCE = 60.0  # s
@@ -52,86 +57,71 @@ def gl_missing() -> str:
     )
 
 
-def film(scenario: Interaction, contestants: Sequence[Contestant], path: pathlib.Path, *, seed: int = 0) -> None:
-    """Render one case of the scenario, the last (well damped, near singular), one contestant beside the other.
+def film(shots: Sequence[Shot], path: pathlib.Path) -> None:
+    """Render shots side by side, in real time, to an animated WebP at `path` and a still beside it, a PNG of that name.
 
-    Real time, `FRAMES_PER_SECOND`; the tool is the orange ball, walls are grey. Needs a GL back end that MuJoCo chose when
-    it was imported: `film_all` sees to that, in a process of its own.
+    Each shows the whole arm, a close-up of its ball at the wall, the force of the ball on each wall as an arrow, and the
+    force over time; the desired force is grey in both. A run that its solver ended says "stopped". The still is at the
+    moment at which the forces of the shots differ most (of one shot: from the desired one), with the whole curves.
+
+    Needs a GL back end that MuJoCo chose when it was imported: `film_all` sees to that, in a process of its own.
     """
-    from PIL import Image
-
-    case = scenario.cases()[-1]
-    rows = [_frames(scenario, case, contestant, seed) for contestant in contestants]
-    longest = max(map(len, rows))
-    pictures = []
-    for k in range(longest):
-        picture = Image.new("RGB", (WIDTH * len(rows), HEIGHT))
-        for i, frames in enumerate(rows):
-            picture.paste(frames[min(k, len(frames) - 1)], (WIDTH * i, 0))
-        pictures.append(picture)
+    runs = [record(shot) for shot in shots]
+    period = max(run.shot.scenario.period for run in runs)
+    end = max(shot.scenario.period * shot.scenario.periods() for shot in shots)
+    with contextlib.ExitStack() as stack:
+        sheet = Sheet(runs, _stages(runs, stack), end)
+        times = np.arange(period, end - 0.5 * period, 1.0 / FRAMES_PER_SECOND).tolist()
+        frames = [sheet.frame(time, time) for time in (*times, end)]
+        still = sheet.frame(telling(runs, period, end), end)
     path.parent.mkdir(parents=True, exist_ok=True)
-    pictures[0].save(
-        path,
+    still.save(path.with_suffix(".png"), optimize=True)
+    unfinished = path.with_suffix(".part")
+    each = round(1000 / FRAMES_PER_SECOND)
+    frames[0].save(
+        unfinished,
         format="WEBP",
         save_all=True,
-        append_images=pictures[1:],
-        duration=round(1000 / FRAMES_PER_SECOND),
+        append_images=frames[1:],
+        duration=[each] * (len(frames) - 1) + [LAST],
         loop=0,
         quality=QUALITY,
         method=2,
     )
+    unfinished.replace(path)
 
 
-def film_all(scenarios: Sequence[Interaction], contestants: Sequence[Contestant], folder: pathlib.Path) -> list[str]:
-    """Render every scenario to `folder`/NAME.webp; returns the file names, or one sentence that says why there are none."""
-    reason = gl_missing()
+def film_all(films: Mapping[str, Sequence[Shot]], folder: pathlib.Path) -> list[str]:
+    """Render each film to `folder`/NAME.webp and NAME.png, unless it is there already.
+
+    Returns the names of the WebP files that are there, and, where nothing can be rendered, one sentence that says why.
+    """
+    paths = {name: folder / f"{name}.webp" for name in films}
+    missing = [name for name in films if not paths[name].exists()]
+    reason = gl_missing() if missing else ""
     if reason:
-        return [reason]
-    names = [f"{type(scenario).name}.webp" for scenario in scenarios]
+        return [*(path.name for path in paths.values() if path.exists()), reason]
     before = os.environ.get("MUJOCO_GL")
     os.environ.setdefault("MUJOCO_GL", _EGL)
     try:
         with concurrent.futures.ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-            jobs = [
-                pool.submit(film, scenario, tuple(contestants), folder / name)
-                for scenario, name in zip(scenarios, names, strict=True)
-            ]
-            for job in jobs:
+            for job in [pool.submit(film, tuple(films[name]), paths[name]) for name in missing]:
                 job.result()
     finally:
         if before is None:
             del os.environ["MUJOCO_GL"]
-    return names
+    return [path.name for path in paths.values()]
 
 
-def _frames(scenario: Interaction, case: Case, contestant: Contestant, seed: int) -> list[Any]:
-    import mujoco
-    import numpy as np
-    from PIL import Image, ImageDraw
-
-    contact = scenario.contact_arm(case, seed)
-    model, data = contact.robot.model, contact.robot.data
-    camera = mujoco.MjvCamera()
-    camera.lookat[:] = 0.6 * contact.robot.pose("tool")[1] + 0.4 * np.array((0.0, 0.0, 0.317))
-    camera.distance, camera.azimuth, camera.elevation = 1.9, 125.0, -18.0
-    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.45, 0.55
-    for geom in range(model.ngeom):  # the last link is thicker than the ball, so the arm is drawn half transparent
-        if model.geom_bodyid[geom] and model.geom(geom).name != "ball":
-            model.geom_rgba[geom] = (0.15, 0.4, 0.7, 0.4)
-        elif not model.geom_bodyid[geom]:
-            model.geom_rgba[geom] = (0.75, 0.77, 0.8, 1.0)
-    every = max(1, round(1.0 / (FRAMES_PER_SECOND * scenario.period)))
-    frames = []
-    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
-        steps = scenario.run_case(case, contact, dataclasses.replace(contestant.solver), seed)
-        for k, step in enumerate(steps):
-            if k % every:
-                continue
-            renderer.update_scene(data, camera)
-            pixels = renderer.render()
-            pixels[(pixels == 0).all(axis=2)] = 245  # nothing was drawn there
-            picture = Image.fromarray(pixels)
-            words = f"{contestant.label}\nt = {step.parameter:.2f} s\nF_x = {step.measured['force x [N]']:.1f} N"
-            ImageDraw.Draw(picture).multiline_text((8, 8), words, fill=(0, 0, 0))
-            frames.append(picture)
-    return frames
+def _stages(runs: Sequence[Run], stack: contextlib.ExitStack) -> list[Stage]:
+    """For each run its stage: runs with the same start and walls are seen by the same camera."""
+    keys = [(run.shot.scenario, run.shot.case.place, run.shot.seed) for run in runs]
+    stages = {}
+    for key in dict.fromkeys(keys):
+        alike = [run for run, own in zip(runs, keys, strict=True) if own == key]
+        wish = {axis: max(float(run.desired[axis].max()) for run in alike) for axis in alike[0].force}
+        top = {axis: max(float(run.force[axis].max()) for run in alike) for axis in wish}
+        most = {axis: min(max(top[axis], wish[axis]), MOST * wish[axis]) for axis in wish}
+        contact = key[0].contact_arm(alike[0].shot.case, key[2])
+        stages[key] = stack.enter_context(Stage(contact, [run.q for run in alike], most, wish))
+    return [stages[key] for key in keys]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import pathlib
 
 import polars as pl
 import pytest
@@ -165,14 +164,3 @@ def test_the_report_shows_every_claim_case_and_solver() -> None:
     assert len(tables) == 16
     half = next(section for section in report.sections if section.title == "Half the time step").tables[0]
     assert all(row[-1] == "none" for row in half.rows)
-
-
-def test_film_is_skipped_with_a_sentence_where_no_back_end_starts(
-    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from hqp_rp.compare.film import film_all
-
-    monkeypatch.setenv("MUJOCO_GL", "no_such_back_end")
-    (sentence,) = film_all((SawyerWallContact(duration=0.01),), line_up()[:1], tmp_path / "films")
-    assert sentence.startswith("No film: MuJoCo's GL back end 'no_such_back_end' does not start on this machine.")
-    assert not (tmp_path / "films").exists()

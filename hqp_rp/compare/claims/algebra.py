@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -88,7 +89,7 @@ def third_disturbs_second() -> tuple[float, float]:
 
 def _answer(solver: Solver, J: FloatArray, v: FloatArray, cuts: tuple[int, ...]) -> FloatArray:
     edges = (0, *cuts, len(J))
-    levels = [Level.equality(J[a:b], v[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    levels = [Level.equality(J[a:b], v[a:b]) for a, b in itertools.pairwise(edges)]
     return solver.solve(Problem(levels)).require()
 
 

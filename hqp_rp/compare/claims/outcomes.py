@@ -1,4 +1,4 @@
-"""How often something holds: shares and medians over postures, with bootstrap intervals, and what another threshold would say."""
+"""How often something holds: shares and medians over postures, bootstrap intervals, and what other thresholds would say."""
 
 from __future__ import annotations
 

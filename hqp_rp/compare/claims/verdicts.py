@@ -133,9 +133,9 @@ class Study:
             found = found.filter(pl.col(name) == value)
         return found.sort("posture", "seed")
 
-    def dampings(self, experiment: str, method: str, **columns: object) -> list[float]:
+    def dampings(self, experiment: str, method: str, gains: str = DAMPED) -> list[float]:
         """The dampings with which a method was run, from the smallest."""
-        return sorted(self.pick(experiment, method, **columns)["damping"].unique().to_list())
+        return sorted(self.pick(experiment, method, gains=gains)["damping"].unique().to_list())
 
     def best(self, experiment: str, method: str, gains: str = DAMPED) -> pl.DataFrame:
         """The runs with the damping whose median RMS force error from the first contact on is smallest."""

@@ -1,0 +1,474 @@
+"""The figures of the claims report, from the rows of all trials and the curves of a few."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import polars as pl
+
+from hqp_rp.compare.chart import Chart, Dots, Grid, Line, Lines, Style, styles, thinned
+from hqp_rp.compare.claims import shown
+from hqp_rp.compare.claims.experiments import (
+    BODE,
+    CONFLICT,
+    CONFLICT_NEAR,
+    CORNER,
+    DELAY_MAP,
+    DELAYS,
+    LIMITED_CONFLICT,
+    LIMITED_CORNER,
+    NEAR,
+    PUSH,
+    SERVO_MAP,
+    SERVOS,
+    STIFF_SERVO,
+    STIFFNESSES,
+    SWEEP_OF_SINES,
+    WIPE,
+)
+from hqp_rp.compare.claims.ideal import delay_margin, ideal_contact
+from hqp_rp.compare.claims.methods import (
+    CASCADE,
+    CLASSICAL,
+    DLS,
+    DLS_VARIABLE,
+    FIXED,
+    NULL_DAMPED,
+    NULL_SPACE,
+    NULL_VARIABLE,
+    REVERSE,
+    REVERSE_DAMPED,
+    REVERSE_EVERYWHERE,
+    REVERSE_VARIABLE,
+    ROBUST,
+    SWEPT,
+    UNILATERAL,
+    WEIGHTED,
+    WITHIN_LIMITS,
+)
+from hqp_rp.compare.claims.trials import Trial
+from hqp_rp.compare.claims.verdicts import Study, force_error
+from hqp_rp.compare.report import number
+from hqp_rp.control._checks import TWIST_AXES
+from hqp_rp.core.problem import FloatArray
+from hqp_rp.scenarios._interaction import DAMPED, DAMPING, INERTIA, PAPER, REGULAR, SINGULAR
+
+DESIRED, LAW = "desired", "the law alone"
+EQUAL = 1e-3
+"""Two curves are drawn as one when they differ by less than this share of the panel's range."""
+
+_GROUPS = (
+    (REVERSE, REVERSE_DAMPED, REVERSE_VARIABLE, REVERSE_EVERYWHERE, UNILATERAL),
+    (NULL_SPACE, NULL_DAMPED, NULL_VARIABLE, CASCADE, ROBUST),
+    (CLASSICAL, DLS, DLS_VARIABLE, WEIGHTED),
+)
+_COLUMNS = ("reverse priority", "other priorities", "no priority")
+
+
+def chart_styles(charts: Sequence[Chart]) -> dict[str, Style]:
+    """A style for every label in the charts; a label of several methods has that of the first."""
+    known = dict(styles(_GROUPS))
+    known |= {DESIRED: Style("#888888", "dot", 6), LAW: Style("#888888", "dash", 6)}
+    plain = dict(styles([[*(label for label in _labels(charts) if label.split(" = ")[0] not in known)]]))
+    return known | plain | {label: known[label.split(" = ")[0]] for label in _labels(charts) if " = " in label}
+
+
+def _labels(charts: Sequence[Chart]) -> list[str]:
+    found: dict[str, None] = {}
+    for chart in charts:
+        if isinstance(chart, Lines):
+            found |= {line.label: None for row in chart.panels for panel in row for line in panel}
+        elif isinstance(chart, Dots):
+            found |= dict.fromkeys(chart.labels)
+    return list(found)
+
+
+def merged(curves: Mapping[str, tuple[FloatArray, FloatArray]]) -> tuple[Line, ...]:
+    """The curves (x, y) as lines; of curves that are equal within `EQUAL` of the range, one, under all their names."""
+    values = np.concatenate([y[np.isfinite(y)] for _, y in curves.values()] or [np.zeros(1)])
+    room = EQUAL * (float(np.ptp(values)) if values.size else 0.0)
+    drawn: list[tuple[list[str], FloatArray, FloatArray]] = []
+    for label, (x, y) in curves.items():
+        for names, own_x, own_y in drawn:
+            if len(own_x) == len(x) and np.abs(own_x - x).max(initial=0.0) == 0.0 and np.abs(own_y - y).max() <= room:
+                names.append(label)
+                break
+        else:
+            drawn.append(([label], x, y))
+    lines = []
+    for names, x, y in drawn:
+        chosen = thinned(y)
+        lines.append(Line(" = ".join(names), x[chosen], y[chosen]))
+    return tuple(lines)
+
+
+class Curves:
+    """The drawn runs by experiment: each trial with its steps."""
+
+    def __init__(self, trials: Sequence[Trial], steps: Sequence[pl.DataFrame]) -> None:
+        self._runs = list(zip(trials, steps, strict=True))
+
+    def of(self, experiment: str) -> list[tuple[Trial, pl.DataFrame]]:
+        """The runs of one experiment."""
+        return [(trial, steps) for trial, steps in self._runs if trial.experiment == experiment]
+
+
+def _xy(steps: pl.DataFrame, column: str) -> tuple[FloatArray, FloatArray]:
+    x, y = (np.asarray(steps[name].cast(pl.Float64).to_numpy(), dtype=np.float64) for name in ("time", column))
+    return x, y
+
+
+def _lines(
+    name: str,
+    title: str,
+    caption: str,
+    columns: Sequence[str],
+    rows: Sequence[tuple[str, bool]],
+    panels: Sequence[Sequence[tuple[Line, ...]]],
+    *,
+    x_label: str = "time (s)",
+    log_x: bool = False,
+) -> Lines:
+    """Panels by row and column; of each row its label and whether its axis is logarithmic."""
+    return Lines(
+        name,
+        title,
+        caption,
+        x_label,
+        tuple(columns),
+        tuple(label for label, _ in rows),
+        tuple(tuple(row) for row in panels),
+        log_x=log_x,
+        log_y=tuple(log for _, log in rows),
+        floor=(1e-3,) * len(rows),
+        ceiling=(1e5,) * len(rows),
+    )
+
+
+def push_curves(curves: Curves) -> Lines:
+    """How the tool moves when it is pushed, against the ideal, with two servo gains."""
+    runs = curves.of(shown.PUSHED)
+    rows = (("x (mm)", "x", 1e3), ("z (mm)", "z", 1e3), ("turn about z (mrad)", "rz", 1e3))
+    panels = []
+    for _, axis, scale in rows:
+        row = []
+        for _, steps in runs:
+            x, y = _xy(steps, f"deviation {axis}")
+            _, ideal = _xy(steps, f"ideal {axis}")
+            row.append(merged({LAW: (x, scale * ideal), REVERSE: (x, scale * y)}))
+        panels.append(row)
+    return _lines(
+        "push",
+        "A push: the desired mass, damper and spring, and what the tool does",
+        "20 N and 2 N m in all components for 1 s, regular posture. The law is right; the velocity servos below it yield.",
+        [f"servo x {trial.scenario.servo:g}" for trial, _ in runs],
+        [(label, False) for label, _, _ in rows],
+        panels,
+    )
+
+
+def push_dots(study: Study) -> Dots:
+    """How far from the ideal, by axis and servo gain."""
+    labels = [f"{axis}, servo x {servo:g}" for servo in (1.0, STIFF_SERVO) for axis in TWIST_AXES]
+    values = []
+    for place in (REGULAR, SINGULAR):
+        own: dict[str, FloatArray] = {}
+        for servo in (1.0, STIFF_SERVO):
+            rows = study.pick(PUSH, REVERSE, servo=servo, place=place)
+            for axis in TWIST_AXES:
+                own[f"{axis}, servo x {servo:g}"] = np.asarray(rows[f"off {axis}"].to_numpy(), dtype=np.float64)
+        values.append(own)
+    half = len(labels) // 2
+    return Dots(
+        "push-by-axis",
+        "How far a pushed tool is from the ideal, by axis",
+        "Each dot one run, the large one the median: largest distance from the ideal over the ideal's largest motion. Two "
+        "orders of the levels, target at rest and moving.",
+        "times the ideal's largest motion",
+        (REGULAR, SINGULAR),
+        (("default servos", tuple(labels[:half])), ("stiff servos", tuple(labels[half:]))),
+        tuple(values),
+        log_x=True,
+    )
+
+
+def tracking_curves(curves: Curves) -> Lines:
+    """Two periods of (54)."""
+    runs = curves.of(shown.TRACKED)
+    panels = []
+    for axis in "xy":
+        row = []
+        for _, steps in runs:
+            row.append(
+                merged({DESIRED: _xy(steps, f"desired force {axis} [N]"), REVERSE: _xy(steps, f"force {axis} [N]")})
+            )
+        panels.append(row)
+    return _lines(
+        "tracking",
+        "The alternating force (54), two periods and more",
+        "Mirrors the paper's Figure 5. From rest on the wall; no noise.",
+        [trial.gains for trial, _ in runs],
+        [("F_x (N)", False), ("F_y (N)", False)],
+        panels,
+    )
+
+
+def bode(study: Study) -> Lines:
+    """Gain and lag of the force loop against frequency."""
+    panels: list[list[tuple[Line, ...]]] = [[], []]
+    x = np.array(BODE)
+    for gains in (PAPER, DAMPED):
+        rows = study.pick(SWEEP_OF_SINES, REVERSE, gains=gains)
+        for r, (what, scale, perfect) in enumerate((("gain", 1.0, 1.0), ("lag", 1e3, 0.0))):
+            values = scale * np.array([rows[f"{what} {k}"].to_numpy() for k in range(len(BODE))])
+            middle, low, high = np.median(values, axis=1), values.min(axis=1), values.max(axis=1)
+            panels[r].append((Line(REVERSE, x, middle, low, high), Line(DESIRED, x, np.full(len(x), perfect))))
+    return _lines(
+        "bode",
+        "Gain and lag of the force loop",
+        "Median and range over ten postures, F_x against wall stiffness 1e5 N/m, all frequencies at once. (54) as printed has "
+        "0.05 Hz; sin(pi t) has 0.5 Hz.",
+        (PAPER, DAMPED),
+        (("gain", False), ("lag (ms)", False)),
+        panels,
+        x_label="frequency (Hz)",
+        log_x=True,
+    )
+
+
+def wall_curves(curves: Curves) -> Lines:
+    """The approach to the wall with two servo gains and two sets of gains, beside the law alone."""
+    runs = curves.of(shown.MET)
+    panels = []
+    columns = []
+    for trial, steps in runs:
+        B = DAMPING[0] if trial.gains == PAPER else 2.0 * np.sqrt(INERTIA[0] * 1e5)
+        time, force = ideal_contact(INERTIA[0], float(B), 1e5, 30.0, 0.01, 2.0)
+        alone = (time[::100], force[::100])
+        panels.append(
+            merged({LAW: alone, DESIRED: _xy(steps, "desired force x [N]"), REVERSE: _xy(steps, "force x [N]")})
+        )
+        columns.append(f"{trial.gains}, servo x {trial.scenario.servo:g}")
+    return _lines(
+        "wall",
+        "From 10 mm in front of the wall into contact",
+        "Mirrors the paper's Figure 7; regular posture, 1e5 N/m. With the paper's numbers the law alone bounces.",
+        columns,
+        [("F_x (N)", False)],
+        [panels],
+    )
+
+
+def servo_map(study: Study) -> Grid:
+    """Peak force over that of the law alone, by servo gain and stiffness."""
+    values = np.empty((len(SERVOS), len(STIFFNESSES)))
+    for c, stiffness in enumerate(STIFFNESSES):
+        ideal = float(ideal_contact(INERTIA[0], DAMPING[0], stiffness, 30.0, 0.01, 1.0)[1].max())
+        for r, servo in enumerate(SERVOS):
+            rows = study.pick(SERVO_MAP, REVERSE, servo=servo, stiffness=stiffness)
+            values[r, c] = float(np.median(rows["peak"].to_numpy())) / ideal
+    return Grid(
+        "servo-map",
+        "Peak force at the wall over that of the law alone",
+        "Median of the postures in a cell, the paper's numbers. 1 is the law; soft servos hide its peak, and the peak that the "
+        "paper's Figure 7 shows depends on a gain that it does not give.",
+        "wall stiffness (N/m)",
+        "servo gain, times the default",
+        tuple(f"{k:.0e}".replace("e+0", "e") for k in STIFFNESSES),
+        tuple(f"{s:g}" for s in SERVOS),
+        values,
+        tuple(tuple(number(v) for v in row) for row in values.tolist()),
+        0.2,
+        5.0,
+        "peak over ideal peak",
+    )
+
+
+def delay_map(study: Study, servo: float, gains: str) -> Grid:
+    """Force error at the end, by delay of the reading and stiffness, with the margin of theory drawn in."""
+    values = np.empty((len(DELAYS), len(STIFFNESSES)))
+    margins = []
+    for c, stiffness in enumerate(STIFFNESSES):
+        B = DAMPING[0] if gains == PAPER else 2.0 * np.sqrt(INERTIA[0] * stiffness)
+        margins.append(delay_margin(INERTIA[0], float(B), stiffness))
+        for r, delay in enumerate(DELAYS):
+            rows = study.pick(DELAY_MAP, REVERSE, servo=servo, gains=gains, stiffness=stiffness, delay=delay)
+            values[r, c] = max(float(np.median(rows["late_rms"].to_numpy())), 1e-3)
+    places = np.interp(margins, DELAYS, np.arange(len(DELAYS)), right=len(DELAYS) - 0.5)
+    which = f"{gains}, servo x {servo:g}"
+    return Grid(
+        f"delay-map-{'paper' if gains == PAPER else 'damped'}-{servo:g}",
+        f"Force error at the end, by delay of the reading ({which})",
+        "RMS error in the last third, N, median of the postures in a cell. Below the dashed line the law alone is stable "
+        "(phase margin in continuous time, without the velocity loop and without the 1 ms that holding a value for 2 ms adds).",
+        "wall stiffness (N/m)",
+        "delay (ms)",
+        tuple(f"{k:.0e}".replace("e+0", "e") for k in STIFFNESSES),
+        tuple(f"{1e3 * d:g}" for d in DELAYS),
+        values,
+        tuple(tuple(number(v) for v in row) for row in values.tolist()),
+        0.03,
+        30.0,
+        "late RMS error (N)",
+        ("delay margin of the law alone", np.arange(len(STIFFNESSES), dtype=np.float64), places),
+    )
+
+
+_SWEPT_ROWS = (("RMS error of F_x (N)", True), ("peak F_x (N)", True), ("largest |x| (rad/s)", True))
+
+
+def sweep(study: Study, experiment: str) -> Lines:
+    """Every method over its damping: force error, peak and joint velocity, medians over the postures."""
+    panels: list[list[tuple[Line, ...]]] = [[] for _ in _SWEPT_ROWS]
+    for group in _GROUPS:
+        found: list[list[Line]] = [[] for _ in _SWEPT_ROWS]
+        for label in group:
+            dampings = study.dampings(experiment, label)
+            if not dampings:
+                continue
+            points = []
+            for damping in dampings:
+                rows = study.pick(experiment, label, damping, gains=DAMPED)
+                figures = (force_error(rows), rows["peak"].to_numpy(), rows["commanded"].to_numpy())
+                points.append([np.quantile(f, (0.25, 0.5, 0.75)) for f in figures])
+            x = np.array(dampings) if label in SWEPT else np.array((0.01, 0.3))
+            together = np.array(points if label in SWEPT else [points[0], points[0]])
+            for r in range(len(_SWEPT_ROWS)):
+                low, middle, high = together[:, r].T
+                found[r].append(Line(label, x, middle, low, high))
+        for r, lines in enumerate(found):
+            panels[r].append(tuple(lines))
+    words = experiment.replace(", near", "")
+    return _lines(
+        f"sweep-{words}",
+        f"Every method over its damping, beside singularities ({words})",
+        "Median and quartiles over 20 postures, well damped gains. Methods without damping are level lines. Equal ones lie on "
+        "each other: wide under narrow.",
+        _COLUMNS,
+        _SWEPT_ROWS,
+        panels,
+        x_label="damping",
+        log_x=True,
+    )
+
+
+def shortened_or_told(study: Study) -> Dots:
+    """The force, where the command is shortened to the velocity limits and where the solver is told of them."""
+    labels = (f"{REVERSE}, shortened", f"{NULL_SPACE}, shortened", *(f"{label}, told" for label in WITHIN_LIMITS))
+    values = []
+    for near, told in ((CORNER, LIMITED_CORNER), (CONFLICT_NEAR, LIMITED_CONFLICT)):
+        own = {f"{label}, shortened": study.pick(near, label, gains=DAMPED) for label in (REVERSE, NULL_SPACE)}
+        own |= {f"{label}, told": study.pick(told, label) for label in WITHIN_LIMITS}
+        values.append({label: np.maximum(rows["late_rms"].to_numpy(), 1e-3) for label, rows in own.items()})
+    return Dots(
+        "limits",
+        "The force near singularities, with velocity limits",
+        "RMS error in the last third. Shortened: an answer over a limit is shortened as a whole, the force level with it. "
+        "Told: the limits are hard rows of the problem.",
+        "late RMS error of F_x (N)",
+        ("corner", "conflict"),
+        (("shortened", labels[:2]), ("told", labels[2:])),
+        tuple(values),
+        log_x=True,
+    )
+
+
+def three_levels(study: Study) -> Dots:
+    """Force and second level of three, at regular postures, by method."""
+    methods = tuple(label for label in FIXED if study.pick(WIPE, label).height) + ((DLS,) if DLS in SWEPT else ())
+    values, columns = [], []
+    for experiment in (WIPE, CONFLICT):
+        for what, scale, words in (("rms", 1.0, "RMS error of F_x (N)"), ("position", 1e3, "second level (mm)")):
+            own = {}
+            for label in methods:
+                rows = study.pick(experiment, label)
+                figures = force_error(rows) if what == "rms" else rows["position"].to_numpy()
+                own[label] = np.maximum(scale * figures, 1e-2)
+            values.append(own)
+            columns.append(f"{experiment}: {words}")
+    return Dots(
+        "three-levels",
+        "Three levels at regular postures",
+        "Each dot one posture, the large one the median. In the wipe all levels can be met: equal by algebra but for damping "
+        "and weights. In the conflict the second level's target moves out of reach.",
+        "N, or mm",
+        tuple(columns),
+        (("", methods),),
+        tuple(values),
+        log_x=True,
+    )
+
+
+_CURVES: dict[str, tuple[str, str, tuple[tuple[str, str, bool], ...]]] = {
+    shown.CORNERED: (
+        "In a corner, beside a singularity of the second level",
+        "Mirrors the paper's Figures 5 and 6, at a posture where the methods differ.",
+        (("force x [N]", "F_x (N)", False), ("force y [N]", "F_y (N)", False),
+         ("commanded speed [rad/s]", "|x| asked for (rad/s)", True)),
+    ),
+    shown.WIPED: (
+        "A wipe through a singularity of the orientation",
+        "Not in the paper. Three levels: force, path, orientation.",
+        (("force x [N]", "F_x (N)", False), ("position error y [m]", "error in y (m)", False),
+         ("commanded speed [rad/s]", "|x| asked for (rad/s)", True)),
+    ),
+    shown.CONFLICTED: (
+        "Force against a point that moves out of reach",
+        "Not in the paper. Three levels: force, position along the wall, posture.",
+        (("force x [N]", "F_x (N)", False), ("position error z [m]", "error in z (m)", False),
+         ("commanded speed [rad/s]", "|x| asked for (rad/s)", True)),
+    ),
+}  # fmt: skip
+
+
+def near_curves(curves: Curves, experiment: str) -> Lines:
+    """One run beside a singularity with the methods in their groups; equal curves are drawn once and said to be equal."""
+    title, caption, rows = _CURVES[experiment]
+    panels: list[list[tuple[Line, ...]]] = []
+    for column, _, _ in rows:
+        row = []
+        for group in _GROUPS:
+            own = {
+                trial.method.label: _xy(steps, column)
+                for trial, steps in curves.of(experiment)
+                if trial.method.label in group
+            }
+            lines = merged(own)
+            if column.startswith("force"):
+                steps = curves.of(experiment)[0][1]
+                lines += merged({DESIRED: _xy(steps, f"desired {column}")})
+            row.append(lines)
+        panels.append(row)
+    return _lines(
+        experiment,
+        title,
+        f"{caption} Well damped gains, damping 0.1.",
+        _COLUMNS,
+        [(l, log) for _, l, log in rows],
+        panels,
+    )
+
+
+def evidence(study: Study, curves: Curves) -> dict[str, list[Chart]]:
+    """Title of a section -> its charts; those whose experiments were not run are left out."""
+    has = study.has
+    found: dict[str, list[Chart]] = {
+        "Pushed": [push_curves(curves), *([push_dots(study)] if has(PUSH) else [])],
+        "Tracking": [tracking_curves(curves), *([bode(study)] if has(SWEEP_OF_SINES) else [])],
+        "At the wall": [wall_curves(curves)],
+        "Beside singularities": [near_curves(curves, name) for name in _CURVES],
+        "Three levels": [three_levels(study)] if has(WIPE, CONFLICT) else [],
+    }
+    if has(SERVO_MAP, DELAY_MAP):
+        found["At the wall"] += [
+            servo_map(study),
+            delay_map(study, STIFF_SERVO, PAPER),
+            delay_map(study, STIFF_SERVO, DAMPED),
+            delay_map(study, 1.0, PAPER),
+        ]
+    if has(*NEAR):
+        found["Beside singularities"] += [sweep(study, name) for name in NEAR]
+    if has(LIMITED_CORNER, LIMITED_CONFLICT):
+        found["Beside singularities"].append(shortened_or_told(study))
+    return {title: charts for title, charts in found.items() if charts}
