@@ -27,7 +27,7 @@ def ideal_contact(
         v += _STEP * (force - B * v - touch) / M
         x += _STEP * v
         found[k] = touch
-    return _STEP * np.arange(1, count + 1), found
+    return _STEP * np.arange(1.0, count + 1.0), found
 
 
 def delay_margin(M: float, B: float, stiffness: float) -> float:

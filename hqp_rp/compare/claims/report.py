@@ -209,8 +209,8 @@ def _method(study: ClaimsStudy) -> tuple[str, ...]:
         f"Regular postures: the neutral one and others drawn uniformly, {ROOM:g} rad from every joint limit, no singular value "
         f"of the tool's Jacobian below {LEAST_SIGMA:g}. Singular ones: {POSTURES} singularities found by search, and a "
         "start 0.1 rad (corner, wall) or 0.4 rad (conflict) beside them, or a path through them (wipe).",
-        f"A claim holds under a condition when at least {share(MOST)} of the runs meet the criterion, and does not when less than "
-        f"{share(HALF)} do; every table shows what a threshold {FACTOR:g} times smaller or larger would say.",
+        f"A claim holds under a condition when at least {share(MOST)} of the runs meet the criterion, and does not when less "
+        f"than {share(HALF)} do; every table shows what a threshold {FACTOR:g} times smaller or larger would say.",
         "Intervals: postures are drawn again with all their runs, 1000 times.",
     )
 

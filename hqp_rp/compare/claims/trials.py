@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -20,6 +21,7 @@ from hqp_rp.scenarios.sawyer_force_tracking import SawyerForceTracking
 from hqp_rp.scenarios.sawyer_push_response import SawyerPushResponse
 
 _BLOCK = 10_000  # control periods in one block: some seconds
+_ERRORS = ("rms", "late_rms", "overshoot", "position", "translation", "rotation")
 _SETTINGS = ("servo", "stiffness", "delay", "noise", "friction", "damping_ratio", "hard_limits", "first", "travel")
 
 
@@ -58,8 +60,8 @@ class Trial:
         return case_steps(self.scenario, case, self.method.label, self.method.solver, self.seed)
 
 
-def row(trial: Trial, steps: pl.DataFrame) -> dict[str, Any]:
-    """What the run was and what it came to; figures of the wall across x, and of y as "... y"."""
+def settings_of(trial: Trial) -> dict[str, Any]:
+    """What a run was, column by column; a recovery of -1 is none."""
     scenario = trial.scenario
     found: dict[str, Any] = {
         "experiment": trial.experiment,
@@ -71,9 +73,22 @@ def row(trial: Trial, steps: pl.DataFrame) -> dict[str, Any]:
         "method": trial.method.label,
         "damping": trial.method.damping,
         "recovery": -1.0 if scenario.recovery is None else scenario.recovery,
-        "whole": steps.height == scenario.periods(),
     }
-    found |= {name: getattr(scenario, name) for name in _SETTINGS if hasattr(scenario, name)}
+    return found | {name: getattr(scenario, name) for name in _SETTINGS if hasattr(scenario, name)}
+
+
+def row(trial: Trial, steps: pl.DataFrame) -> dict[str, Any]:
+    """What the run was and what it came to; figures of the wall across x, and of y as "... y".
+
+    A run that its solver ended before the end is as far off as can be: infinitely.
+    """
+    found = _figures(trial, steps)
+    return found if found["whole"] else found | {name: math.inf for name in _ERRORS if found.get(name) is not None}
+
+
+def _figures(trial: Trial, steps: pl.DataFrame) -> dict[str, Any]:
+    scenario = trial.scenario
+    found = settings_of(trial) | {"whole": steps.height == scenario.periods()}
     if isinstance(scenario, SawyerPushResponse):
         found |= push_figures(steps)
         found["commanded"] = float(np.max(steps["commanded speed [rad/s]"].to_numpy()))

@@ -8,8 +8,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from hqp_rp.compare.contact_runs import contact_figures, contact_steps
-from hqp_rp.compare.contestants import choose_contestants
+from hqp_rp import get_solver
+from hqp_rp.compare.claims.contact_figures import case_steps, contact_figures
 from hqp_rp.scenarios.sawyer_force_tracking import SawyerForceTracking
 
 
@@ -75,12 +75,11 @@ def test_bounces_count_in_the_share_of_contact_and_position_errors_take_the_wors
     assert contact_figures(failed)[0].ended == "NOT_FINITE"
 
 
-def test_a_run_gives_one_row_for_each_wall_and_case() -> None:
-    (contestant,) = [c for c in choose_contestants(["null_space"]) if c.label == "null space"]
-    steps = contact_steps(SawyerForceTracking(duration=0.02), contestant)
+def test_a_run_gives_one_row_for_each_wall() -> None:
+    scenario = SawyerForceTracking(duration=0.02)
+    case = scenario.cases()[1]
+    steps = case_steps(scenario, case, "null space", get_solver("null_space"))
     figures = contact_figures(steps)
-    assert [(f.axis, f.case) for f in figures] == [
-        (axis, c) for c in steps["case"].unique(maintain_order=True) for axis in "xy"
-    ]
+    assert [(f.axis, f.case, f.contestant) for f in figures] == [(axis, case.name, "null space") for axis in "xy"]
     assert all(f.first_level < 1e-9 for f in figures)
     assert all(f.drift is not None and f.position is None for f in figures)

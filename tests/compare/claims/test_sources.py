@@ -1,0 +1,88 @@
+"""The digest of the sources changes with code and not with words; the kept report was made by this code."""
+
+from __future__ import annotations
+
+import json
+import pathlib
+
+import pytest
+
+from hqp_rp.compare.claims import sources
+from hqp_rp.compare.claims.sources import code_of, digest_of_sources
+
+ROOT = pathlib.Path(__file__).parents[3]
+KEPT = ROOT / "docs" / "reports" / "paper_claims" / "run.json"
+
+CODE = '''"""Words."""
+
+import math  # more words
+
+
+def half(x):
+    """Half of x.
+
+    Args: x.
+    """
+    # why
+    y = "# no comment"  # a comment
+    return x / 2.0
+
+
+LIMIT = 3
+"""What it is."""
+'''
+
+
+def test_words_do_not_count_and_code_does(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "module.py"
+    path.write_text(CODE)
+    code = code_of(path)
+    assert "ords" not in code
+    assert "why" not in code
+    assert "What it is" not in code
+    assert 'y = "# no comment"' in code
+    path.write_text(CODE.replace("Half of x", "Halves").replace("# why", "# because").replace("more words", "é"))
+    assert code_of(path) == code
+    path.write_text(CODE.replace("/ 2.0", "/ 3.0"))
+    assert code_of(path) != code
+    native = tmp_path / "kernel.hpp"
+    native.write_text("int a = 1;  // one\n/* more\nlines */\n")
+    assert code_of(native) == "int a = 1;"
+
+
+def test_everything_that_makes_a_result_is_among_the_sources() -> None:
+    names = {path.relative_to(sources.ROOT).as_posix() for path in sources.sources()}
+    for name in (
+        "compare/claims/experiments.py",
+        "compare/claims/trials.py",
+        "compare/claims/verdicts.py",
+        "scenarios/_contact.py",
+        "scenarios/sawyer_push_response.py",
+        "control/admittance.py",
+        "robot/arms.py",
+        "solvers/reverse_priority.py",
+        "core/native/include/hqp_rp/reverse_priority.hpp",
+    ):
+        assert name in names
+    assert "compare/command_line.py" not in names
+
+
+def test_the_digest_follows_a_file(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.py"
+    path.write_text("x = 1\n")
+    monkeypatch.setattr(sources, "ROOT", tmp_path)
+    monkeypatch.setattr(sources, "sources", lambda: [path])
+    before = digest_of_sources()
+    path.write_text("x = 1  # one\n")
+    assert digest_of_sources() == before
+    path.write_text("x = 2\n")
+    assert digest_of_sources() != before
+
+
+def test_the_kept_report_was_made_by_this_code() -> None:
+    run = json.loads(KEPT.read_text())["run"]
+    assert run["study"] == "full"
+    assert run["sources"] == digest_of_sources(), (
+        "docs/reports/paper_claims was made by other code: remake it with "
+        "`hqp-rp claims --output docs/reports/paper_claims --overwrite` (some 20 minutes on two cores)."
+    )
