@@ -115,13 +115,16 @@ def _resampled(
     values: FloatArray, within: NDArray[np.bool_], postures: NDArray[np.int64]
 ) -> tuple[FloatArray, FloatArray]:
     """Share and median of each resample of the postures, each with all its runs."""
-    rng = np.random.default_rng(_SEED)
     groups = [np.flatnonzero(postures == p) for p in np.unique(postures)]
-    shares, medians = np.empty(RESAMPLES), np.empty(RESAMPLES)
-    for k in range(RESAMPLES):
-        chosen = np.concatenate([groups[g] for g in rng.integers(len(groups), size=len(groups))])
-        shares[k], medians[k] = within[chosen].mean(), _median(values[chosen])
-    return shares, medians
+    most = max(map(len, groups))
+    padded = np.array([np.pad(group, (0, most - len(group)), constant_values=-1) for group in groups])
+    drawn = np.random.default_rng(_SEED).integers(len(groups), size=(RESAMPLES, len(groups)))
+    runs = padded[drawn].reshape(RESAMPLES, -1)
+    counts = (runs >= 0).sum(axis=1)
+    shares = np.where(runs >= 0, within[runs], False).sum(axis=1) / counts
+    ordered = np.sort(np.where(runs >= 0, values[runs], np.nan), axis=1)  # nan comes last
+    middle = [np.take_along_axis(ordered, k[:, None], axis=1)[:, 0] for k in ((counts - 1) // 2, counts // 2)]
+    return shares, np.where(middle[0] == middle[1], middle[0], 0.5 * (middle[0] + middle[1]))
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:

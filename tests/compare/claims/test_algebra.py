@@ -9,7 +9,9 @@ from hqp_rp.compare.claims import algebra
 from hqp_rp.core.damping import ConstantDamping
 
 
-@pytest.mark.parametrize("theorem", [algebra.first_level_kept, algebra.same_on_two_levels, algebra.same_as_pseudo_inverse])
+@pytest.mark.parametrize(
+    "theorem", [algebra.first_level_kept, algebra.same_on_two_levels, algebra.same_as_pseudo_inverse]
+)
 def test_theorems_hold_to_rounding(theorem: type[algebra.Theorem]) -> None:
     found = theorem()  # type: ignore[call-arg]
     assert found.checked
