@@ -39,7 +39,8 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Figure:
     labels = [
         sorted({line.label: None for row in chart.panels for line in row[c]}, key=_rank(styles)) for c in range(columns)
     ]
-    key = 0.165 * max(map(len, labels)) + 0.35
+    lines = [sum(1 + _name(label).count("\n") for label in own) for own in labels]
+    key = 0.165 * max(lines) + 0.35
     width = 0.9 + 3.1 * columns
     title = _title(chart.title, width - 0.85)
     head = 0.45 + 0.2 * title.count("\n")
@@ -90,7 +91,12 @@ def _width(style: Style, count: int) -> float:
 
 
 def _handle(style: Style, label: str) -> Line2D:
-    return Line2D([], [], color=style.colour, linestyle=_DASH[style.dash], linewidth=2.2, label=label)
+    return Line2D([], [], color=style.colour, linestyle=_DASH[style.dash], linewidth=2.2, label=_name(label))
+
+
+def _name(label: str) -> str:
+    """A label on as many lines as the width of a column needs."""
+    return textwrap.fill(label, 38)
 
 
 def _panel(axes: Axes, chart: Lines, r: int, c: int, styles: dict[str, Style]) -> None:

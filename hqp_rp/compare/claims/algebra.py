@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 
 import numpy as np
@@ -31,6 +32,7 @@ class Theorem:
         return self.largest <= ROUNDING
 
 
+@functools.cache
 def first_level_kept() -> Theorem:
     """J_1 x = v_1, whatever the other levels ask for."""
     reverse = get_solver("reverse_priority")
@@ -46,6 +48,7 @@ def first_level_kept() -> Theorem:
     )
 
 
+@functools.cache
 def same_on_two_levels() -> Theorem:
     """With two levels, reverse priority is null-space priority."""
     reverse, null_space = get_solver("reverse_priority"), get_solver("null_space")
@@ -61,6 +64,7 @@ def same_on_two_levels() -> Theorem:
     )
 
 
+@functools.cache
 def same_as_pseudo_inverse() -> Theorem:
     """Where all rows together have full rank, reverse priority is the pseudo-inverse."""
     solvers = [get_solver(name) for name in ("reverse_priority", "null_space", "pseudo_inverse")]

@@ -69,7 +69,7 @@ _COLUMNS = ("reverse priority", "other priorities", "no priority")
 def chart_styles(charts: Sequence[Chart]) -> dict[str, Style]:
     """A style for every label in the charts; a label of several methods has that of the first."""
     known = dict(styles(_GROUPS))
-    known |= {DESIRED: Style("#888888", "dot", 6), LAW: Style("#888888", "dash", 6)}
+    known |= {DESIRED: Style("#888888", "dot", 3), LAW: Style("#888888", "dash", 3)}
     plain = dict(styles([[*(label for label in _labels(charts) if label.split(" = ")[0] not in known)]]))
     return known | plain | {label: known[label.split(" = ")[0]] for label in _labels(charts) if " = " in label}
 
@@ -84,23 +84,39 @@ def _labels(charts: Sequence[Chart]) -> list[str]:
     return list(found)
 
 
-def merged(curves: Mapping[str, tuple[FloatArray, FloatArray]]) -> tuple[Line, ...]:
-    """The curves (x, y) as lines; of curves that are equal within `EQUAL` of the range, one, under all their names."""
-    values = np.concatenate([y[np.isfinite(y)] for _, y in curves.values()] or [np.zeros(1)])
-    room = EQUAL * (float(np.ptp(values)) if values.size else 0.0)
-    drawn: list[tuple[list[str], FloatArray, FloatArray]] = []
-    for label, (x, y) in curves.items():
-        for names, own_x, own_y in drawn:
-            if len(own_x) == len(x) and np.abs(own_x - x).max(initial=0.0) == 0.0 and np.abs(own_y - y).max() <= room:
+def merged(rows: Sequence[Mapping[str, tuple[FloatArray, FloatArray]]]) -> list[tuple[Line, ...]]:
+    """The curves of a column of panels, label -> (x, y) in each row, as lines.
+
+    Of labels whose curves are equal in every row, within `EQUAL` of the row's range, one is drawn, under all their names.
+    """
+    room = [EQUAL * float(np.ptp(np.concatenate([y for _, y in row.values()]))) for row in rows]
+    together: list[list[str]] = []
+    for label in dict.fromkeys(label for row in rows for label in row):
+        for names in together:
+            if all(_equal(row, names[0], label, near) for row, near in zip(rows, room, strict=True)):
                 names.append(label)
                 break
         else:
-            drawn.append(([label], x, y))
-    lines = []
-    for names, x, y in drawn:
-        chosen = thinned(y)
-        lines.append(Line(" = ".join(names), x[chosen], y[chosen]))
-    return tuple(lines)
+            together.append([label])
+    found = []
+    for row in rows:
+        lines = []
+        for names in together:
+            if names[0] in row:
+                x, y = row[names[0]]
+                chosen = thinned(y)
+                lines.append(Line(" = ".join(names), x[chosen], y[chosen]))
+        found.append(tuple(lines))
+    return found
+
+
+def _equal(row: Mapping[str, tuple[FloatArray, FloatArray]], a: str, b: str, near: float) -> bool:
+    if (a in row) != (b in row):
+        return False
+    if a not in row:
+        return True
+    (x, y), (other_x, other_y) = row[a], row[b]
+    return len(x) == len(other_x) and not np.any(x != other_x) and bool(np.abs(y - other_y).max() <= near)
 
 
 class Curves:
@@ -150,21 +166,21 @@ def push_curves(curves: Curves) -> Lines:
     """How the tool moves when it is pushed, against the ideal, with two servo gains."""
     runs = curves.of(shown.PUSHED)
     rows = (("x (mm)", "x", 1e3), ("z (mm)", "z", 1e3), ("turn about z (mrad)", "rz", 1e3))
-    panels = []
-    for _, axis, scale in rows:
-        row = []
-        for _, steps in runs:
+    columns = []
+    for _, steps in runs:
+        column = []
+        for _, axis, scale in rows:
             x, y = _xy(steps, f"deviation {axis}")
             _, ideal = _xy(steps, f"ideal {axis}")
-            row.append(merged({LAW: (x, scale * ideal), REVERSE: (x, scale * y)}))
-        panels.append(row)
+            column.append({LAW: (x, scale * ideal), REVERSE: (x, scale * y)})
+        columns.append(merged(column))
     return _lines(
         "push",
         "A push: the desired mass, damper and spring, and what the tool does",
         "20 N and 2 N m in all components for 1 s, regular posture. The law is right; the velocity servos below it yield.",
         [f"servo x {trial.scenario.servo:g}" for trial, _ in runs],
         [(label, False) for label, _, _ in rows],
-        panels,
+        list(zip(*columns, strict=True)),
     )
 
 
@@ -189,6 +205,7 @@ def push_dots(study: Study) -> Dots:
         (REGULAR, SINGULAR),
         (("default servos", tuple(labels[:half])), ("stiff servos", tuple(labels[half:]))),
         tuple(values),
+        absent="ended early",
         log_x=True,
     )
 
@@ -196,21 +213,22 @@ def push_dots(study: Study) -> Dots:
 def tracking_curves(curves: Curves) -> Lines:
     """Two periods of (54)."""
     runs = curves.of(shown.TRACKED)
-    panels = []
-    for axis in "xy":
-        row = []
-        for _, steps in runs:
-            row.append(
-                merged({DESIRED: _xy(steps, f"desired force {axis} [N]"), REVERSE: _xy(steps, f"force {axis} [N]")})
-            )
-        panels.append(row)
+    columns = [
+        merged(
+            [
+                {DESIRED: _xy(steps, f"desired force {axis} [N]"), REVERSE: _xy(steps, f"force {axis} [N]")}
+                for axis in "xy"
+            ]
+        )
+        for _, steps in runs
+    ]
     return _lines(
         "tracking",
         "The alternating force (54), two periods and more",
         "Mirrors the paper's Figure 5. From rest on the wall; no noise.",
         [trial.gains for trial, _ in runs],
         [("F_x (N)", False), ("F_y (N)", False)],
-        panels,
+        list(zip(*columns, strict=True)),
     )
 
 
@@ -240,15 +258,14 @@ def bode(study: Study) -> Lines:
 def wall_curves(curves: Curves) -> Lines:
     """The approach to the wall with two servo gains and two sets of gains, beside the law alone."""
     runs = curves.of(shown.MET)
-    panels = []
+    panels: list[tuple[Line, ...]] = []
     columns = []
     for trial, steps in runs:
         B = DAMPING[0] if trial.gains == PAPER else 2.0 * np.sqrt(INERTIA[0] * 1e5)
         time, force = ideal_contact(INERTIA[0], float(B), 1e5, 30.0, 0.01, 2.0)
         alone = (time[::100], force[::100])
-        panels.append(
-            merged({LAW: alone, DESIRED: _xy(steps, "desired force x [N]"), REVERSE: _xy(steps, "force x [N]")})
-        )
+        own = {LAW: alone, DESIRED: _xy(steps, "desired force x [N]"), REVERSE: _xy(steps, "force x [N]")}
+        panels += merged([own])
         columns.append(f"{trial.gains}, servo x {trial.scenario.servo:g}")
     return _lines(
         "wall",
@@ -370,6 +387,7 @@ def shortened_or_told(study: Study) -> Dots:
         ("corner", "conflict"),
         (("shortened", labels[:2]), ("told", labels[2:])),
         tuple(values),
+        absent="ended early",
         log_x=True,
     )
 
@@ -396,6 +414,7 @@ def three_levels(study: Study) -> Dots:
         tuple(columns),
         (("", methods),),
         tuple(values),
+        absent="ended early",
         log_x=True,
     )
 
@@ -425,29 +444,53 @@ _CURVES: dict[str, tuple[str, str, tuple[tuple[str, str, bool], ...]]] = {
 def near_curves(curves: Curves, experiment: str) -> Lines:
     """One run beside a singularity with the methods in their groups; equal curves are drawn once and said to be equal."""
     title, caption, rows = _CURVES[experiment]
-    panels: list[list[tuple[Line, ...]]] = []
-    for column, _, _ in rows:
-        row = []
-        for group in _GROUPS:
-            own = {
-                trial.method.label: _xy(steps, column)
-                for trial, steps in curves.of(experiment)
-                if trial.method.label in group
-            }
-            lines = merged(own)
+    runs = curves.of(experiment)
+    columns = []
+    for group in _GROUPS:
+        found = merged(
+            [
+                {trial.method.label: _xy(steps, column) for trial, steps in runs if trial.method.label in group}
+                for column, _, _ in rows
+            ]
+        )
+        for r, (column, _, _) in enumerate(rows):
             if column.startswith("force"):
-                steps = curves.of(experiment)[0][1]
-                lines += merged({DESIRED: _xy(steps, f"desired {column}")})
-            row.append(lines)
-        panels.append(row)
+                found[r] += merged([{DESIRED: _xy(runs[0][1], f"desired {column}")}])[0]
+        columns.append(found)
     return _lines(
         experiment,
         title,
-        f"{caption} Well damped gains, damping 0.1.",
+        f"{caption} Well damped gains, damping 0.1. Equal curves of a column are drawn once, under all their names.",
         _COLUMNS,
-        [(l, log) for _, l, log in rows],
-        panels,
+        [(label, log) for _, label, log in rows],
+        list(zip(*columns, strict=True)),
     )
+
+
+def tilted_curves(curves: Curves) -> Lines:
+    """Force and path along a tilted wall, without and with friction."""
+    runs = curves.of(shown.TILTED)
+    columns = [
+        merged(
+            [
+                {DESIRED: _xy(steps, "desired force x [N]"), REVERSE: _xy(steps, "force x [N]")},
+                {REVERSE: _scaled(_xy(steps, "position error along [m]"), 1e3)},
+            ]
+        )
+        for _, steps in runs
+    ]
+    return _lines(
+        "tilted-wipe",
+        "A wipe along a tilted wall, one hybrid level",
+        "Not in the paper. Force across the wall and a path along it in one level, S = I - n n^T.",
+        [f"friction {trial.scenario.friction:g}" for trial, _ in runs],
+        [("force across (N)", False), ("error along the path (mm)", False)],
+        list(zip(*columns, strict=True)),
+    )
+
+
+def _scaled(xy: tuple[FloatArray, FloatArray], factor: float) -> tuple[FloatArray, FloatArray]:
+    return xy[0], factor * xy[1]
 
 
 def evidence(study: Study, curves: Curves) -> dict[str, list[Chart]]:
@@ -458,7 +501,7 @@ def evidence(study: Study, curves: Curves) -> dict[str, list[Chart]]:
         "Tracking": [tracking_curves(curves), *([bode(study)] if has(SWEEP_OF_SINES) else [])],
         "At the wall": [wall_curves(curves)],
         "Beside singularities": [near_curves(curves, name) for name in _CURVES],
-        "Three levels": [three_levels(study)] if has(WIPE, CONFLICT) else [],
+        "Three levels": [tilted_curves(curves), *([three_levels(study)] if has(WIPE, CONFLICT) else [])],
     }
     if has(SERVO_MAP, DELAY_MAP):
         found["At the wall"] += [

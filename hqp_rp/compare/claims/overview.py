@@ -29,10 +29,11 @@ _THUMBNAILS = {
     "any number of strict levels": ("sweep-conflict", 2, 1),
     "primary kept in conflict": ("conflict", 0, 0),
     "hierarchy improves accuracy": ("conflict", 0, 2),
-    "hybrid control with S": ("servo-map", 0, 0),
+    "hybrid control with S": ("tilted-wipe", 1, 1),
 }
-_WIDTH, _ROW, _HEAD = 12.4, 0.74, 0.75  # inches
-_SQUARE = 0.19
+_WIDTH, _ROW, _HEAD = 13.0, 0.9, 0.75  # inches
+_SQUARE, _SQUARES = 0.19, 8.2
+_IN_A_ROW = 12
 
 
 def overview(verdicts: Sequence[Verdict], charts: Sequence[Chart], styles: Mapping[str, Style]) -> Picture:
@@ -44,30 +45,31 @@ def overview(verdicts: Sequence[Verdict], charts: Sequence[Chart], styles: Mappi
     axes.set_ylim(height, 0.0)
     axes.axis("off")
     blues = colormaps["RdYlBu"]
-    for x, words in ((0.15, "verdict"), (1.75, "claim of the paper, and the one number"), (7.6, "conditions")):
+    for x, words in ((0.15, "verdict"), (1.75, "claim of the paper, and the one number"), (_SQUARES, "conditions")):
         axes.text(x, _HEAD - 0.35, words, fontsize=10, fontweight="bold", color="#444444")
-    axes.text(7.6, _HEAD - 0.12, "a square each: holds in", fontsize=7.5, color="#666666")
+    axes.text(_SQUARES, _HEAD - 0.12, "a square each: holds in", fontsize=7.5, color="#666666")
     for k, words in enumerate(("none", "half", "all of the runs")):
-        axes.add_patch(Rectangle((9.0 + 0.62 * k, _HEAD - 0.24), 0.13, 0.13, color=blues(0.1 + 0.4 * k)))
-        axes.text(9.17 + 0.62 * k, _HEAD - 0.12, words, fontsize=7.5, color="#666666")
+        axes.add_patch(Rectangle((9.6 + 0.62 * k, _HEAD - 0.24), 0.13, 0.13, color=blues(0.1 + 0.4 * k)))
+        axes.text(9.77 + 0.62 * k, _HEAD - 0.12, words, fontsize=7.5, color="#666666")
     by_name = {chart.name: chart for chart in charts}
     for i, verdict in enumerate(verdicts):
         top = _HEAD + _ROW * i
         axes.plot([0.1, _WIDTH - 0.1], [top, top], color="#dddddd", linewidth=0.8)
         colour = _COLOURS[verdict.word]
-        axes.add_patch(Rectangle((0.15, top + 0.14), 1.4, 0.42, color=colour))
+        axes.add_patch(Rectangle((0.15, top + 0.2), 1.4, 0.42, color=colour))
         axes.text(
-            0.85, top + 0.36, verdict.word, fontsize=10.5, fontweight="bold", color="white", ha="center", va="center"
+            0.85, top + 0.42, verdict.word, fontsize=10.5, fontweight="bold", color="white", ha="center", va="center"
         )
         axes.text(1.75, top + 0.24, verdict.claim, fontsize=10, va="center")
-        number = textwrap.shorten(verdict.number, 108, placeholder=" ...") or verdict.why
-        axes.text(1.75, top + 0.5, number, fontsize=8.5, color="#444444", va="center")
+        number = textwrap.shorten(verdict.number or verdict.why, 105, placeholder=" ...")
+        axes.text(1.75, top + 0.47, number, fontsize=8.5, color="#222222", va="center")
+        axes.text(1.75, top + 0.69, _conditions(verdict), fontsize=7.5, color="#666666", va="center")
         for k, outcome in enumerate(verdict.outcomes):
-            place = 7.6 + _SQUARE * (k % 13), top + 0.14 + 0.24 * (k // 13)
+            place = _SQUARES + _SQUARE * (k % _IN_A_ROW), top + 0.16 + 0.24 * (k // _IN_A_ROW)
             axes.add_patch(Rectangle(place, _SQUARE - 0.03, _SQUARE - 0.03, color=blues(0.1 + 0.8 * outcome.passed)))
         name, r, c = _THUMBNAILS.get(verdict.name, ("", 0, 0))
         if name in by_name:
-            box = (10.35 / _WIDTH, 1.0 - (top + _ROW - 0.06) / height, 1.9 / _WIDTH, (_ROW - 0.14) / height)
+            box = (10.85 / _WIDTH, 1.0 - (top + _ROW - 0.06) / height, 1.9 / _WIDTH, (_ROW - 0.14) / height)
             _thumbnail(figure.add_axes(box), by_name[name], r, c, styles)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
@@ -78,6 +80,16 @@ def overview(verdicts: Sequence[Verdict], charts: Sequence[Chart], styles: Mappi
         "the figures of the sections below.",
         buffer.getvalue(),
     )
+
+
+def _conditions(verdict: Verdict) -> str:
+    """Where it holds and where it does not, as far as there is room."""
+    parts = []
+    for state, words in ((True, "holds"), (False, "does not")):
+        own = [o.label for o in verdict.outcomes if o.holds is state]
+        if own and verdict.word == DEPENDS:
+            parts.append(f"{words}: " + textwrap.shorten("; ".join(own), 56, placeholder=" ..."))
+    return "   |   ".join(parts)
 
 
 def _thumbnail(axes: Axes, chart: Chart, r: int, c: int, styles: Mapping[str, Style]) -> None:
@@ -101,5 +113,12 @@ def _thumbnail(axes: Axes, chart: Chart, r: int, c: int, styles: Mapping[str, St
         axes.set_xticks([])
         axes.set_yticks([])
         axes.text(
-            0.02, 0.95, chart.rows[r].split(" (")[0], transform=axes.transAxes, fontsize=6.5, va="top", color="#666666"
+            0.02,
+            0.95,
+            chart.rows[r].split(" (")[0],
+            transform=axes.transAxes,
+            fontsize=6.5,
+            bbox={"facecolor": "white", "alpha": 0.7, "pad": 0.5, "linewidth": 0},
+            va="top",
+            color="#666666",
         )

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import polars as pl
 
-from hqp_rp.compare.claims.experiments import STIFF_SERVO, Places
+from hqp_rp.compare.claims.experiments import FRICTIONS, STIFF_SERVO, Places
 from hqp_rp.compare.claims.methods import (
     CLASSICAL,
     DLS,
@@ -28,9 +28,11 @@ from hqp_rp.scenarios.sawyer_force_tracking import AS_PRINTED, SawyerForceTracki
 from hqp_rp.scenarios.sawyer_hybrid_wipe import SawyerHybridWipe
 from hqp_rp.scenarios.sawyer_priority_conflict import SawyerPriorityConflict
 from hqp_rp.scenarios.sawyer_push_response import SawyerPushResponse
+from hqp_rp.scenarios.sawyer_tilted_wipe import SawyerTiltedWipe
 from hqp_rp.scenarios.sawyer_wall_contact import SawyerWallContact
 
 PUSHED, TRACKED, MET, CORNERED, WIPED, CONFLICTED = "push", "tracking", "wall", "corner", "wipe", "conflict"
+TILTED = "tilted wipe"
 _WHO = (REVERSE, REVERSE_DAMPED, NULL_SPACE, NULL_DAMPED, CLASSICAL, DLS)
 
 
@@ -46,6 +48,8 @@ def shown(places: Places) -> list[Trial]:
     for servo in (1.0, 10.0):
         meet = SawyerWallContact(duration=2.0, servo=servo)
         found += [_trial(MET, meet, gains, regular, method(REVERSE)) for gains in (PAPER, DAMPED)]
+    for friction in FRICTIONS:
+        found.append(_trial(TILTED, SawyerTiltedWipe(duration=2.0, friction=friction), PAPER, regular, method(REVERSE)))
     where: tuple[tuple[str, Interaction, Place], ...] = (
         (CORNERED, SawyerForceTracking(duration=1.5), places.corner[0]),
         (WIPED, SawyerHybridWipe(duration=2.0), places.wipe[0]),
