@@ -173,8 +173,11 @@ def verdicts(rows: pl.DataFrame) -> tuple[Verdict, ...]:
 
 
 def _word(outcomes: Sequence[Outcome]) -> str:
+    """Holds everywhere; depends, where it holds somewhere or some postures decide throughout; else it does not hold."""
     states = {o.holds for o in outcomes}
-    return HOLDS if states == {True} else FAILS if states == {False} else DEPENDS
+    if states == {True}:
+        return HOLDS
+    return DEPENDS if True in states or states == {None} else FAILS
 
 
 def _theorem(theorem: algebra.Theorem) -> str:

@@ -89,6 +89,18 @@ def test_a_verdict_changes_with_its_figures(
     assert "Does not hold:" in after.why
 
 
+def test_a_claim_that_holds_nowhere_does_not_hold(perfect: pl.DataFrame) -> None:
+    """Some postures decide under one condition, none of the runs meets the others."""
+    near = pl.col("experiment") == "corner, near"
+    some = near & (pl.col("method") == "DLS") & (pl.col("posture") < 12)
+    found = of(
+        perfect.with_columns(pl.when(near & ~some).then(2.0).otherwise(pl.col("rms")).alias("rms")),
+        "F_x better than classical",
+    )
+    assert {o.holds for o in found.outcomes} == {None, False}
+    assert found.word == FAILS
+
+
 def test_some_postures_decide_and_the_share_says_so(perfect: pl.DataFrame) -> None:
     some = pl.when((pl.col("experiment") == "wall") & (pl.col("posture") < 5)).then(9.0).otherwise(pl.col("overshoot"))
     found = of(perfect.with_columns(some.alias("overshoot")), "close approach goes well")
