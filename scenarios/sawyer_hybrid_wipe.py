@@ -77,8 +77,8 @@ class SawyerHybridWipe(Interaction):
     )
     cannot_tell: ClassVar[tuple[str, ...]] = (
         *Interaction.cannot_tell,
-        "The wall has no friction: wiping itself takes no force.",
-        "One path through one singular configuration, at one speed.",
+        "By default the wall has no friction: wiping itself takes no force.",
+        "One path, at one speed; a singular one goes through one configuration.",
     )
 
     force: float = 30.0

@@ -58,10 +58,6 @@ class Outcome:
         ]
         return " or ".join(other)
 
-    def words(self) -> str:
-        """The share with its interval, as a report says it."""
-        return f"{self.label} {share(self.passed)} ({share(self.low)} to {share(self.high)})"
-
     def figure(self, unit: str, scale: float = 1.0) -> str:
         """The median with its interval."""
         middle, low, high = (number(scale * v) for v in (self.median, self.median_low, self.median_high))
@@ -128,10 +124,10 @@ def _resampled(
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:
-    """In one sentence or more: where it holds, where it does not, where some postures decide, and what hangs on thresholds."""
+    """Where it holds, where it does not, where some postures decide, and what hangs on the threshold, in sentences."""
     parts = []
     for state, words in ((True, "Holds"), (None, "In some postures"), (False, "Does not hold")):
-        own = [o.words() for o in outcomes if o.holds is state]
+        own = [f"{o.label} ({share(o.passed)})" if state is None else o.label for o in outcomes if o.holds is state]
         if own:
             parts.append(f"{words}: {'; '.join(own)}.")
     turning = [f"{o.label} ({o.turns})" for o in outcomes if o.turns]

@@ -161,7 +161,10 @@ def _claims(judged: Sequence[Verdict]) -> Table:
 
 
 def _verdict(verdict: Verdict) -> Section:
-    sentences = [f"{verdict.claim} ({verdict.where}.) Verdict: {verdict.word}.", f"Tested: {verdict.tested}."]
+    sentences = [
+        f"{verdict.claim} ({verdict.where}.) Verdict: {verdict.word}.",
+        f"Tested: {verdict.tested}" + ("" if verdict.tested.endswith("?") else "."),
+    ]
     sentences += [words for words in (verdict.why, verdict.theorem) if words]
     rows = tuple(
         (

@@ -435,13 +435,14 @@ def _conflict(study: Study) -> Found:
             rows = study.best(experiment, REVERSE_DAMPED, gains=DAMPED)
             outcomes.append(outcome(_label(experiment, "T_k damped"), rows, "late_rms", KEPT))
     outcomes.append(outcome(f"friction {FRICTIONS[-1]:g}", study.pick(RUB, REVERSE), "late_rms", KEPT))
+    compared = []
     for label in (NULL_SPACE, CASCADE):
         rows = study.pick(CONFLICT, label)
         o = outcome(label, rows, "late_rms", KEPT)
-        outcomes_words = f"For comparison, {label} in the conflict: {o.words()}."
-    peak = study.pick(CONFLICT, REVERSE)
-    late = outcome("late", peak, "late_rms", KEPT)
-    return Found(outcomes, f"late RMS error {late.figure('N')} in the conflict, regular postures", outcomes_words)
+        compared.append(f"{label} {share(o.passed)}")
+    late = outcome("late", study.pick(CONFLICT, REVERSE), "late_rms", KEPT)
+    words = f"In the conflict at regular postures others keep it in: {', '.join(compared)} of the runs."
+    return Found(outcomes, f"late RMS error {late.figure('N')} in the conflict, regular postures", words)
 
 
 def _label(experiment: str, words: str) -> str:

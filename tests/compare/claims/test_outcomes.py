@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import polars as pl
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from hqp_rp.compare.claims.outcomes import outcome, summary
 
 
-def rows(values: list[float | None], postures: list[int] | None = None) -> pl.DataFrame:
+def rows(values: Sequence[float | None], postures: list[int] | None = None) -> pl.DataFrame:
     return pl.DataFrame({"figure": values, "posture": postures or list(range(len(values)))})
 
 
@@ -24,7 +25,6 @@ def test_shares_and_medians_by_hand() -> None:
     assert o.turns == "smaller"
     assert o.low <= o.passed <= o.high
     assert o.median_low <= o.median <= o.median_high
-    assert o.words().startswith("here 50.0 % (")
     assert o.figure("mm", 1e3).startswith("2500 mm (")
 
 
@@ -66,6 +66,5 @@ def test_the_summary_says_where_it_holds_and_what_hangs_on_the_threshold() -> No
         outcome("no", rows([50.0] * 4), "figure", 1.0),
     ]
     words = summary(found)
-    assert words.startswith("Holds: firm 100 % (100 % to 100 %); loose 100 %")
-    assert "Does not hold: no 0 %" in words
+    assert words.startswith("Holds: firm; loose. Does not hold: no. A threshold 3 times")
     assert words.endswith("would change: loose (smaller).")

@@ -29,6 +29,7 @@ def test_regular_postures_are_regular_and_begin_with_the_neutral_one() -> None:
     np.testing.assert_array_equal(found[0].q, arm.neutral)
     for place in found:
         assert np.linalg.svd(arm.jacobian(place.q, "tool"), compute_uv=False)[-1] >= LEAST_SIGMA
+        assert place.direction is not None
         assert np.linalg.norm(place.direction) == pytest.approx(1.0)
     for place in found[1:]:
         assert (np.abs(place.q) <= np.pi - ROOM).all()

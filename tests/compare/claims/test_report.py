@@ -13,8 +13,10 @@ import pytest
 from hqp_rp.compare.chart import Dots, Grid, Lines, Picture
 from hqp_rp.compare.claims import report as module
 from hqp_rp.compare.claims.charts import EQUAL, merged
+from hqp_rp.compare.claims.experiments import Places, trials
 from hqp_rp.compare.claims.methods import FIXED, SWEPT, WITHIN_LIMITS
 from hqp_rp.compare.claims.report import ClaimsStudy, study_claims
+from hqp_rp.compare.claims.sources import digest_of_sources
 from hqp_rp.compare.claims.shown import films, halved, shown
 from hqp_rp.compare.claims.trials import Trial, row
 from hqp_rp.compare.claims.verdicts import verdicts
@@ -103,9 +105,8 @@ def test_a_study_is_resumed_and_says_what_it_was_made_with(
     """A few trials in place of all, and nothing drawn that takes a simulation of seconds."""
     own = places(1)
     monkeypatch.setattr(module, "find_places", lambda: own)
-    trials = module.trials
 
-    def few(places: module.Places, *, quick: bool = False) -> list[Trial]:
+    def few(places: Places, *, quick: bool = False) -> list[Trial]:
         found = {trial.experiment: short(trial) for trial in trials(places, quick=quick)}
         return [found["push"], found["tilted wipe"]]
 
@@ -119,7 +120,7 @@ def test_a_study_is_resumed_and_says_what_it_was_made_with(
     assert all("not ruled on" in sentence for sentence in sentences)
     run = json.loads((out / "run.json").read_text())["run"]
     assert (run["study"], run["postures"], run["seeds"]) == ("short", 20, 5)
-    assert run["sources"] == module.digest_of_sources()
+    assert run["sources"] == digest_of_sources()
     assert pl.read_parquet(out / "results" / "trials.parquet").height == 2
     parts = {path: path.stat().st_mtime_ns for path in (out / "parts").iterdir()}
     study_claims(out, quick=True, workers=1, films=False)
