@@ -42,8 +42,8 @@ class JointLimit(NativeLimit):
       every step by at least min(gain d, X(d), V dt, and what A allows), and the return never asks for more than V or A. A
       robot that starts outside and moves further out first brakes at A, then comes back.
 
-    **Jerk.** With a limit J on the change of the acceleration u'' = (u' - velocity before u') / dt, the rules are those of braking
-    with jerk. The stop from a velocity v and the acceleration c / dt before it is, step by step, with X_J of a = J dt^2::
+    **Jerk.** With a limit J on the change of the acceleration u'' = (u' - velocity before u') / dt, braking takes longer. The
+    stop from a velocity v and the acceleration c / dt is, step by step, with X_J the X of a = J dt^2::
 
         c <- clip(-X_J(v), c - J dt^2, c + J dt^2), clipped to +-A dt;   v <- v + c
 

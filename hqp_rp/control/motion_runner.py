@@ -40,13 +40,16 @@ class MotionRunner:
     - collisions, half-spaces and torques are not looked at.
 
     Where a hard `JointLimit` bounds jerks, the line is given up: each joint stops by itself, by the stop that this limit looks
-    ahead to, with the least J of these limits and a_j (a joint without J at a_j). Then no acceleration changes by more than J dt
-    and no velocity by more than a_j dt; |v_j| may still grow while the joint's acceleration comes to zero, within the V of the
-    limit; and no joint passes a position limit, on the same condition as above. Where answers asked for more than a_j, the first
-    step of the stop goes back to a_j, whatever J says.
+    ahead to, with the least J of these limits and with a_j. So, while it brakes:
+
+    - no acceleration changes by more than J dt, and no velocity by more than a_j dt; only where an answer asked for more than
+      a_j, the first step goes back to a_j, whatever J says;
+    - |v_j| may still grow while the joint's acceleration comes to zero, within the V of the limit;
+    - no joint passes a position limit of such a limit, on the same condition as above.
 
     `Stack.problem` is told the last command as the velocity before, or the measured one, and the change between the last two
-    commands as the acceleration, so that limits on accelerations and jerks hold across steps. What fails before the first good answer, but for a solver's status, is raised.
+    commands as the acceleration, so that limits on accelerations and jerks hold across steps. What fails before the first good
+    answer, but for a solver's status, is raised.
 
     Args:
         stack: any stack. solver: a `Solver`, or its name.

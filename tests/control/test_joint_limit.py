@@ -306,8 +306,12 @@ def test_with_jerk_a_driven_joint_comes_to_rest_at_its_limit(seed, dt, gain, acc
         q = scene.upper + scene.rng.uniform(0.0, 1.0, N) * scene.room
     # From rest to rest over d takes no longer than this: ramps of A and J, and V between them.
     d = 2.0 * scene.room
-    longest = d / scene.V + 2.0 * np.sqrt(d / scene.A) + 4.0 * np.cbrt(d / scene.J) + scene.V / scene.A + scene.A / scene.J
-    longest = np.where(np.isfinite(longest), longest, d / scene.V + 4.0 * np.cbrt(d / scene.J) + np.sqrt(scene.V / scene.J))
+    longest = (
+        d / scene.V + 2.0 * np.sqrt(d / scene.A) + 4.0 * np.cbrt(d / scene.J) + scene.V / scene.A + scene.A / scene.J
+    )
+    longest = np.where(
+        np.isfinite(longest), longest, d / scene.V + 4.0 * np.cbrt(d / scene.J) + np.sqrt(scene.V / scene.J)
+    )
     for _ in range(min(4000, int(2.0 * longest.max() / dt) + 100)):
         new = scene.box(q, v, a)[1]
         assert scene.keeps(v, a, new)
@@ -365,8 +369,12 @@ def test_known_boxes_with_jerk():
     np.testing.assert_allclose(box([0.0], rest, rest, jerk=1.0, **shape), [[-0.01], [0.01]])
     np.testing.assert_allclose(box([0.0], rest, rest + 0.2, jerk=1.0, **shape), [[0.01], [0.03]])
     # At 1.98 rad/s and 0.2 rad/s^2, ramped down by 0.01 rad/s a step, 1.99 are reached; at 0.3 rad/s^2 2.01 are: too many.
-    np.testing.assert_allclose(box([-9.0], rest + 1.97, rest + 0.2, jerk=1.0, position=False, **shape), [[1.98], [1.99]])
-    np.testing.assert_allclose(box([-9.0], rest + 1.97, rest + 0.3, jerk=1.0, position=False, **shape), [[1.99], [1.99]])
+    np.testing.assert_allclose(
+        box([-9.0], rest + 1.97, rest + 0.2, jerk=1.0, position=False, **shape), [[1.98], [1.99]]
+    )
+    np.testing.assert_allclose(
+        box([-9.0], rest + 1.97, rest + 0.3, jerk=1.0, position=False, **shape), [[1.99], [1.99]]
+    )
     # So strong that it says nothing: the box is that of the acceleration alone.
     far = {"acceleration": 3.0, "gain": 1.0} | shape
     np.testing.assert_allclose(box([0.9], rest, rest, jerk=1e9, **far), box([0.9], rest, **far))
@@ -387,7 +395,9 @@ def test_jerk_needs_velocity_and_acceleration_before():
     robot.update(np.zeros(7))
     stack, rest = Stack([PostureTask(np.zeros(7))], [JointLimit(jerk=10.0)]), np.zeros(7)
     for motion in ((), (rest,)):
-        with pytest.raises(SettingError, match=r"bounds jerks, so it needs .*: stack.problem\(robot, dt, v, a\); zeros"):
+        with pytest.raises(
+            SettingError, match=r"bounds jerks, so it needs .*: stack.problem\(robot, dt, v, a\); zeros"
+        ):
             stack.problem(robot, 0.01, *motion)
     with pytest.raises(SettingError, match=r"a is \[nan, .*; it must be 7 finite numbers in rad/s\^2 or m/s\^2"):
         stack.problem(robot, 0.01, rest, np.full(7, np.nan))
