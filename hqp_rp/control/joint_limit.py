@@ -63,7 +63,7 @@ class JointLimit(NativeLimit):
       take their time: what each step brings has no bound like the above. One that moves further out brakes within J first;
     - `gain` brakes no sooner than the stop does.
 
-    Another dt than in the step before, a q that v did not lead to or limits that change may ask for more than J.
+    Where dt, q or the limits jump between steps, V holds and A as above; J may yield to them, and a position limit be passed.
 
     Args:
         position: whether the robot's position limits count; where infinite, there is none.

@@ -229,7 +229,9 @@ def allowed_step(distance: float, gain: float, a: float) -> float:
     """The signed step towards a limit at a signed distance; a = A dt^2."""
 
 def stop_change(u: float, c: float, a: float, j: float) -> float:
-    """The next change of the velocity u while it stops, after the change c; a = A dt, j = J dt^2."""
+    """
+    The next change of the velocity u while it stops, after the change c; a = A dt, j = J dt^2.
+    """
 
 def stop_rise(u: float, c: float, a: float, j: float) -> float:
     """
