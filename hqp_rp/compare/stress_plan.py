@@ -183,7 +183,7 @@ class Scene:
     def problem(self, q: FloatArray) -> Problem:
         """The problem at q (nq,), for a robot that was at rest."""
         self.robot.update(q)
-        return self.stack.problem(self.robot, self.dt, self._rest)
+        return self.stack.problem(self.robot, self.dt, self._rest, self._rest)
 
     def _equalities(self, stack: Stack, q: FloatArray) -> list[Problem]:
         """The problems of a stack without limits at q (C, nq), their rows made in one call."""

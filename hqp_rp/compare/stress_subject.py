@@ -164,7 +164,7 @@ def _content(data: bytes, dt: float | None) -> str:
         robot.update(sampler.uniform(np.random.default_rng(i)))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # said where the test begins
-            problem = stack.problem(robot, dt, rest)
+            problem = stack.problem(robot, dt, rest, rest)
         arrays += [problem.matrix, problem.lower, problem.upper, problem.offsets]
         if problem.hard is not None:
             arrays += [problem.hard.A, problem.hard.lower, problem.hard.upper]

@@ -25,7 +25,7 @@ class Layout:
             each row a place in q, unless `difference`.
         frame: the frame that moves. axes: the frame whose axes are meant, None for the world.
         difference: whether only the robot can subtract q from the task's `target`.
-        accelerated: whether the velocity before the step is needed.
+        accelerated: whether the velocity before the step is needed. jerked: whether the acceleration before it is, too.
     """
 
     kind: int
@@ -35,6 +35,7 @@ class Layout:
     axes: str | None = None
     difference: bool = False
     accelerated: bool = False
+    jerked: bool = False
 
 
 class NativeRows(abc.ABC):
@@ -74,6 +75,12 @@ class NativeRows(abc.ABC):
         raise SettingError(
             f"limit {self.name!r} bounds accelerations, so it needs the velocity before this step: "
             "stack.problem(robot, dt, v); zeros for a robot at rest."
+        )
+
+    def _require_acceleration(self) -> None:
+        raise SettingError(
+            f"limit {self.name!r} bounds jerks, so it needs velocity and acceleration before this step: "
+            "stack.problem(robot, dt, v, a); zeros for a robot at rest."
         )
 
     def _by_itself(self, robot: Robot, kind: int) -> StackRows:
@@ -120,11 +127,13 @@ class NativeLimit(NativeRows):
         """The limit itself, or None where a subclass has `rows` of its own."""
         return self if type(self).rows is NativeLimit.rows else None
 
-    def rows(self, robot: Robot, dt: float, v: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The identity (nv, nv), lower (nv,) and upper (nv,), rad/s or m/s; v is the velocity before this step."""
+    def rows(
+        self, robot: Robot, dt: float, v: FloatArray | None, a: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The identity (nv, nv), lower (nv,) and upper (nv,), rad/s or m/s; v and a are of the step before."""
         from hqp_rp.control._stack_rows import LIMIT
 
-        return self._by_itself(robot, LIMIT).rows(dt, v)
+        return self._by_itself(robot, LIMIT).rows(dt, v, a)
 
 
 class _Itself:

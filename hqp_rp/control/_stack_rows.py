@@ -48,12 +48,14 @@ class StackRows:
     """
 
     __slots__ = (
+        "_a",
         "_accelerated",
         "_differences",
         "_fill",
         "_frames",
         "_index",
         "_items",
+        "_jerked",
         "_n",
         "_native",
         "_numbers",
@@ -98,12 +100,14 @@ class StackRows:
         number: dict[str | Point | None, int] = {None: -1} | {name: i for i, name in enumerate(names)}
         self._packs: list[tuple[Layout, slice]] = []
         self._packed = [(task, _NONE) for task in tasks]
-        # The first that needs the velocity before the step.
+        # The first that needs the velocity before the step, and the first that needs the acceleration.
         pairs = list(zip(tasks, layouts, strict=True))
         self._accelerated = next((task for task, layout in pairs if layout.accelerated), None)
+        self._jerked = next((task for task, layout in pairs if layout.jerked), None)
         self._differences: list[tuple[NativeRows, slice]] = []
         nq = robot.nq if {POSTURE, BOX} & {layout.kind for layout in layouts} else 0
-        values = nq + 1 + n  # q, dt, the velocity before the step; then differences
+        before = nq + 1 + n
+        values = before + (n if self._jerked is not None else 0)  # q, dt, v and a before the step; then differences
         table: list[list[int]] = []
         index: list[int] = []
         end = 0
@@ -118,11 +122,11 @@ class StackRows:
                 index += [values + i for i in layout.index]
                 values += n
             elif layout.kind == BOX:
-                index.append(nq)
+                index += [nq, before if layout.jerked else -1]
         self._table = np.array(table, dtype=np.int64).reshape(len(table), 7)
         self._index = np.array(index, dtype=np.int64)
         self._numbers, self._values = np.zeros(end), np.zeros(values)
-        self._v = self._values[nq + 1 : nq + 1 + n]
+        self._v, self._a = self._values[nq + 1 : before], self._values[before : before + n]
         kinematics = frames.kinematics if names else None
         kept_q = frames.q if nq else None
         self._own_q = self._values[:nq] if nq and kept_q is None else None
@@ -141,12 +145,19 @@ class StackRows:
         self.counts, self._shape, self._total = counts, (int(ends[-1]), self._n), int(ends[-1])
         self._rows_of = [slice(a, b) for a, b in itertools.pairwise(ends.tolist())]
 
-    def rows(self, dt: float | None = None, v: FloatArray | None = None, *, plain: bool = False) -> Rows:
+    @property
+    def is_jerked(self) -> bool:
+        """Whether the acceleration before the step is needed."""
+        return self._jerked is not None
+
+    def rows(
+        self, dt: float | None = None, v: FloatArray | None = None, a: FloatArray | None = None, *, plain: bool = False
+    ) -> Rows:
         """Matrix (M, nv), lower (M,) and upper (M,) of all items at the robot's current configuration; fresh arrays.
 
         Args:
             dt: s; not None where an item needs it.
-            v: (nv,) velocity before the step, or None.
+            v: (nv,) velocity before the step, or None. a: (nv,) acceleration before the step, or None.
             plain: native tasks without weights, and with their errors in the place of rates.
 
         Raises `ProblemError` for rows that do not fit the robot, are not finite or have crossed bounds.
@@ -171,7 +182,7 @@ class StackRows:
             or self._read_frames is not None
             or self._differences
         ):
-            self._ask(v)
+            self._ask(v, a)
         sound = self._fill(matrix, lower, upper, 0.0 if dt is None else dt, plain)
         if upper is None:
             upper = lower
@@ -207,9 +218,13 @@ class StackRows:
                 self._numbers[span] = current
                 self._packed[i] = task, current
 
-    def _ask(self, v: FloatArray | None) -> None:
-        """The velocity before the step, and what only the robot knows: poses and Jacobians, coordinates, differences."""
+    def _ask(self, v: FloatArray | None, a: FloatArray | None) -> None:
+        """The motion before the step, and what only the robot knows: poses and Jacobians, coordinates, differences."""
         robot = self.robot
+        if self._jerked is not None:
+            if v is None or a is None:
+                self._jerked._require_acceleration()
+            self._a[...] = a
         if self._accelerated is not None:
             if v is None:
                 self._accelerated._require_velocity()

@@ -48,7 +48,7 @@ class InteractionController:
     **Limits.** Hard limits of the stack are the solver's duty; a command, in hold too, is shortened as a whole (all joints
     by one factor, so its direction stays) when it passes one. `scale_into` names limits that the solver is not told of
     and the command is shortened to: a velocity limit for closed forms, which take no hard rows. Only two-sided rows that
-    allow v = 0 can be met by shortening.
+    allow v = 0 can be met by shortening; a command that is shortened or held does not look at jerks.
 
     Args:
         stack: holds at least one `Reference`.
@@ -68,6 +68,7 @@ class InteractionController:
         "_elapsed",
         "_last",
         "_mode",
+        "_rate",
         "_reason",
         "_references",
         "_robot",
@@ -149,7 +150,7 @@ class InteractionController:
         for reference in self._references:
             reference.start(robot, motion)
         self._restart()
-        self._robot, self._last, self._sent = robot, motion, motion
+        self._robot, self._last, self._sent, self._rate = robot, motion, motion, np.zeros(robot.nv)
 
     reset = start
 
@@ -192,7 +193,7 @@ class InteractionController:
             free = checked_secondary(secondary, robot.nv)
             for reference in self._references:
                 reference.advance(robot, wrench, dt, None if v is None else motion)
-            problem = self._stack.problem(robot, dt, motion)
+            problem = self._stack.problem(robot, dt, motion, self._rate)
         except HqpError as error:
             if not self._running_since_start:
                 raise
@@ -209,13 +210,14 @@ class InteractionController:
         answer.flags.writeable = False
         for reference in self._references:
             reference.deliver(robot, answer)
+        self._rate = (answer - self._sent) / dt
         self._last, self._sent, self._running_since_start = answer, answer, True
         return Command(answer, Mode.RUNNING, "", problem, solution, scale, seconds)
 
     def _restart(self) -> None:
         self._mode, self._reason, self._elapsed = Mode.RUNNING, "", 0.0
         self._running_since_start = False
-        self._last = self._sent = np.zeros(0)
+        self._last = self._sent = self._rate = np.zeros(0)
         self._sensor.reset()
         self._solver.reset()
 
@@ -243,7 +245,7 @@ class InteractionController:
         scale = 1.0
         if v.any():
             try:
-                rows = problem if problem is not None else self._stack.problem(robot, dt, self._sent)
+                rows = problem if problem is not None else self._stack.problem(robot, dt, self._sent, self._rate)
                 scale = self._scale(robot, dt, self._sent, rows, v)
             except HqpError:
                 scale = 0.0  # limits that cannot be told are met by standing still
@@ -252,6 +254,7 @@ class InteractionController:
             v = np.zeros(robot.nv)
             self._mode = Mode.STOPPED
         v.flags.writeable = False
+        self._rate = (v - self._sent) / dt
         self._sent = v
         return Command(v, self._mode, self._reason, problem, solution, scale, seconds)
 
@@ -263,7 +266,7 @@ class InteractionController:
         if self._scale_into:
             if self._scale_rows is None or self._scale_rows.robot is not robot:
                 self._scale_rows = StackRows(self._scale_into, robot, True, repr)
-            scale = min(scale, _shortened(x, *self._scale_rows.rows(dt, motion)))
+            scale = min(scale, _shortened(x, *self._scale_rows.rows(dt, motion, self._rate)))
         return scale
 
     def __repr__(self) -> str:

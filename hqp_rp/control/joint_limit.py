@@ -1,4 +1,4 @@
-"""Joint position, velocity and acceleration limits, folded into one box on the velocity that is never empty."""
+"""Joint position, velocity, acceleration and jerk limits, folded into one box on the velocity that is never empty."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hqp_rp.robot.robot import Robot
 
 
 class JointLimit(NativeLimit):
-    """One box `lower <= v <= upper` from position, velocity and acceleration limits; it is never empty.
+    """One box `lower <= v <= upper` from position, velocity, acceleration and jerk limits; it is never empty.
 
     Per joint, with position q in [l, u], velocity limit V, acceleration limit A, step dt, and u' the velocity before::
 
@@ -42,24 +42,50 @@ class JointLimit(NativeLimit):
       every step by at least min(gain d, X(d), V dt, and what A allows), and the return never asks for more than V or A. A
       robot that starts outside and moves further out first brakes at A, then comes back.
 
+    **Jerk.** With a limit J on the change of the acceleration u'' = (u' - velocity before u') / dt, braking takes longer. The
+    stop from a velocity v and the acceleration c / dt is, step by step, with X_J the X of a = J dt^2::
+
+        c <- clip(-X_J(v), c - J dt^2, c + J dt^2), clipped to +-A dt;   v <- v + c
+
+    It ends at rest after finitely many steps. With R(v, c) how far it still rises above where it begins::
+
+        position       v dt + R(v, v - u') <= u - q; below alike
+        jerk           u' + u'' dt - J dt^2 <= v <= u' + u'' dt + J dt^2
+        velocity       u' - X_J(V + u') <= v <= u' + X_J(V - u'), from where c comes to 0 at V
+
+    R is a closed form that grows with both arguments, so the bound is found by false position, on the safe side. Jerk yields to
+    acceleration and velocity, position to all. So the box is never empty still, what is said of V and A above holds, and:
+
+    - the acceleration changes by no more than J dt wherever V and A allow that;
+    - a robot that starts at rest within its position limits and stays in the box keeps position limits, V, A and J, all of
+      them, whatever it chooses in it, and may come to rest at a position limit;
+    - a robot that starts at rest outside keeps V, A and J, never moves further out and comes back, with a start and an end that
+      take their time: what each step brings has no bound like the above. One that moves further out brakes within J first;
+    - `gain` brakes no sooner than the stop does.
+
+    Where dt, q or the limits jump between steps, V holds and A as above; J may yield to them, and a position limit be passed.
+
     Args:
         position: whether the robot's position limits count; where infinite, there is none.
         velocity: V, rad/s or m/s: as `limit` of `VelocityLimit`; None takes the robot's own.
         acceleration: A, rad/s^2 or m/s^2: one number, (nv,) numbers, a mapping from joint name to number (none for the
             others), or None for no limit. Needs the velocity before the step: `stack.problem(robot, dt, v)`.
+        jerk: J, rad/s^3 or m/s^3, as `acceleration`, with it or without. Needs the acceleration before the step as well, u'':
+            `stack.problem(robot, dt, v, a)`.
         gain: in (0, 1], the fraction of the distance to a position limit that one step may take.
         margin: rad or m, >= 0, by which the position limits are drawn in.
         name: default "joint limits".
 
     Raises:
-        SettingError: a value out of its range; a step without v although accelerations are limited.
+        SettingError: a value out of its range; a step without v although accelerations are limited, or without a although
+            jerks are.
         RobotError: when it meets a robot that it does not fit, or whose range the margin swallows.
 
     Source: Flacco, De Luca and Khatib, "Motion control of redundant robots under joint constraints: saturation in the null
-    space", ICRA 2012, for the box from the three limits; X(d), the order in which they yield and the way back are ours.
+    space", ICRA 2012, for the box from the three limits; X(d), jerk, the order in which they yield and the way back are ours.
     """
 
-    __slots__ = ("_acceleration", "_gain", "_margin", "_name", "_position", "_velocity")
+    __slots__ = ("_acceleration", "_gain", "_jerk", "_margin", "_name", "_position", "_velocity")
 
     def __init__(
         self,
@@ -67,6 +93,7 @@ class JointLimit(NativeLimit):
         position: bool = True,
         velocity: PerJoint = None,
         acceleration: PerJoint = None,
+        jerk: PerJoint = None,
         gain: float = 0.95,
         margin: ArrayLike = 0.0,
         name: str = "joint limits",
@@ -75,6 +102,7 @@ class JointLimit(NativeLimit):
         self._position = bool(position)
         self._velocity = checked_per_joint(velocity, f"the velocity of {name!r}")
         self._acceleration = checked_per_joint(acceleration, f"the acceleration of {name!r}")
+        self._jerk = checked_per_joint(jerk, f"the jerk of {name!r}")
         self._gain = positive_number(gain, f"the gain of {name!r}")
         if self._gain > 1.0:
             raise SettingError(f"the gain of {name!r} is {gain!r}; it must be in (0, 1], or one step passes the limit.")
@@ -87,6 +115,12 @@ class JointLimit(NativeLimit):
     def name(self) -> str:
         """What levels, reports and errors call the limit."""
         return self._name
+
+    def jerk_on(self, robot: Robot) -> FloatArray | None:
+        """(nv,) J on this robot, infinite for none; None where no jerk is bounded."""
+        if self._jerk is None:
+            return None
+        return per_joint(self._jerk, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
 
     def row_names(self, robot: Robot) -> list[str]:
         """The joints, one for each velocity."""
@@ -103,7 +137,8 @@ class JointLimit(NativeLimit):
                 )
             index = coordinate_index(robot, f"limit {self._name!r}")
             coordinates = list(range(robot.nv)) if index is None else index.tolist()
-        return Layout(BOX, robot.nv, coordinates, accelerated=self._acceleration is not None)
+        jerked = self._jerk is not None
+        return Layout(BOX, robot.nv, coordinates, accelerated=jerked or self._acceleration is not None, jerked=jerked)
 
     def _numbers(self, robot: Robot, layout: Layout) -> FloatArray:
         owner = f"limit {self._name!r}"
@@ -120,12 +155,13 @@ class JointLimit(NativeLimit):
         speed = per_joint(self._velocity, robot.velocity_limit, robot, owner)
         acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, owner)
         bounded = (least > -math.inf) | (greatest < math.inf) if self._position else np.zeros(robot.nv, dtype=bool)
-        if self._acceleration is None and not bounded.any() and not np.isfinite(speed).any():
+        if self._acceleration is None and self._jerk is None and not bounded.any() and not np.isfinite(speed).any():
             raise RobotError(
-                f"{owner}: the robot has no such limits and none are given; give velocity or acceleration."
+                f"{owner}: the robot has no such limits and none are given; give velocity, acceleration or jerk."
             )
         gain = self._gain if self._position else 0.0
-        return np.concatenate(([gain], least, greatest, speed, acceleration))
+        jerk = self.jerk_on(robot)
+        return np.concatenate(([gain], least, greatest, speed, acceleration, [] if jerk is None else jerk))
 
     def __repr__(self) -> str:
         return f"JointLimit({self._name!r})"

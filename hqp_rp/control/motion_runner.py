@@ -11,6 +11,7 @@ from hqp_rp.control._checks import finite_vector, positive_number, real_array
 from hqp_rp.control.command import Command, Mode, fault_of
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.stack import Stack
+from hqp_rp.core._native import stop_change
 from hqp_rp.core.errors import HqpError, SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
@@ -38,8 +39,17 @@ class MotionRunner:
     - no joint passes a position limit of a hard `JointLimit` whose acceleration is at most a_j, where the answers kept it;
     - collisions, half-spaces and torques are not looked at.
 
-    `Stack.problem` is told the last command as the velocity before, or the measured one, so that limits on accelerations hold
-    across steps. What fails before the first good answer, but for a solver's status, is raised.
+    Where a hard `JointLimit` bounds jerks, the line is given up: each joint stops by itself, by the stop that this limit looks
+    ahead to, with the least J of these limits and with a_j. So, while it brakes:
+
+    - no acceleration changes by more than J dt, and no velocity by more than a_j dt; only where an answer asked for more than
+      a_j, the first step goes back to a_j, whatever J says;
+    - |v_j| may still grow while the joint's acceleration comes to zero, within the V of the limit;
+    - no joint passes a position limit of such a limit, on the same condition as above.
+
+    `Stack.problem` is told the last command as the velocity before, or the measured one, and the change between the last two
+    commands as the acceleration, so that limits on accelerations and jerks hold across steps. What fails before the first good
+    answer, but for a solver's status, is raised.
 
     Args:
         stack: any stack. solver: a `Solver`, or its name.
@@ -57,6 +67,7 @@ class MotionRunner:
         "_failures",
         "_limits",
         "_mode",
+        "_rate",
         "_reason",
         "_sent",
         "_solution",
@@ -78,6 +89,7 @@ class MotionRunner:
         self._limits = [limit for limit in stack.limits if isinstance(limit, JointLimit)]
         self._accepted = (Status.SOLVED, Status.INACCURATE) if accept_inaccurate else (Status.SOLVED,)
         self._sent: FloatArray | None = None
+        self._rate: FloatArray | None = None
         self._solution: Solution | None = None
         self.reset()
 
@@ -101,11 +113,15 @@ class MotionRunner:
         """At how many steps in a row no answer could be used; 0 while it runs. A stopped runner asks no more."""
         return self._failures
 
-    def reset(self, v: ArrayLike | None = None) -> None:
-        """Begin, or begin again after a stop, from the velocity v (nv,), rad/s or m/s; None for a robot at rest."""
+    def reset(self, v: ArrayLike | None = None, a: ArrayLike | None = None) -> None:
+        """Begin, or begin again after a stop, from the velocity v and the acceleration a (nv,); None for zeros.
+
+        v is in rad/s or m/s, a in rad/s^2 or m/s^2; only limits on jerks look at a.
+        """
         self._mode, self._reason, self._began = Mode.RUNNING, "", False
         self._failures, self._solution = 0, None
         self._sent = None if v is None else finite_vector(v, np.size(v), "v", "rad/s or m/s")
+        self._rate = None if a is None else finite_vector(a, np.size(a), "a", "rad/s^2 or m/s^2")
         self._solver.reset()
 
     def step(self, robot: Robot, dt: float, v: ArrayLike | None = None) -> Command:
@@ -125,13 +141,16 @@ class MotionRunner:
             raise SettingError(f"acceleration has {len(self._acceleration)} numbers; the robot has nv = {robot.nv}.")
         if len(before) != robot.nv:
             raise SettingError(f"the velocity before has {len(before)} numbers; the robot has nv = {robot.nv}.")
+        rate = np.zeros(robot.nv) if self._rate is None else self._rate
+        if len(rate) != robot.nv:
+            raise SettingError(f"the acceleration before has {len(rate)} numbers; the robot has nv = {robot.nv}.")
         if self._mode is Mode.STOPPED:
-            return self._brake(robot, before, dt, self._reason, None, None, 0.0)
+            return self._brake(robot, before, rate, dt, self._reason, None, None, 0.0)
         problem: Problem | None = None
         solution: Solution | None = None
         seconds = 0.0
         try:
-            problem = self._stack.problem(robot, dt, before if v is None else v)
+            problem = self._stack.problem(robot, dt, before if v is None else v, rate)
             begin = time.perf_counter()
             solution = self._solver.solve(problem)
             seconds = time.perf_counter() - begin
@@ -148,9 +167,10 @@ class MotionRunner:
             self._solution = solution
         if reason or solution is None or solution.x is None:
             self._failures += 1
-            return self._brake(robot, before, dt, reason, problem, solution, seconds)
+            return self._brake(robot, before, rate, dt, reason, problem, solution, seconds)
         answer = solution.x.copy()
         answer.flags.writeable = False
+        self._rate = (answer - before) / dt
         self._sent, self._mode, self._reason, self._began, self._failures = answer, Mode.RUNNING, "", True, 0
         return Command(answer, Mode.RUNNING, "", problem, solution, 1.0, seconds)
 
@@ -158,6 +178,7 @@ class MotionRunner:
         self,
         robot: Robot,
         before: FloatArray,
+        rate: FloatArray,
         dt: float,
         reason: str,
         problem: Problem | None,
@@ -166,12 +187,25 @@ class MotionRunner:
     ) -> Command:
         most, speed = np.broadcast_to(self._acceleration * dt, before.shape), np.abs(before)
         share = 1.0 - float((most / np.maximum(speed, most)).min(initial=1.0))
-        size = np.maximum(np.minimum(share * speed, self._room(robot, before, dt)), speed - most)
-        v = np.copysign(np.maximum(size, 0.0), before)
+        jerk = self._jerk(robot)
+        if jerk is None:
+            size = np.maximum(np.minimum(share * speed, self._room(robot, before, dt)), speed - most)
+            v = np.copysign(np.maximum(size, 0.0), before)
+            moving = v.any()
+        else:
+            steps = zip(before, rate * dt, most, jerk * dt**2, strict=True)
+            v = before + np.array([stop_change(*step) for step in steps])
+            share = min(1.0, float(np.linalg.norm(v) / max(np.linalg.norm(before), np.finfo(float).tiny)))
+            moving = v.any() or (np.abs(v - before) > jerk * dt**2).any()
         v.flags.writeable = False
-        self._sent, self._reason = v, reason
-        self._mode = Mode.HOLDING if v.any() else Mode.STOPPED
+        self._sent, self._rate, self._reason = v, (v - before) / dt, reason
+        self._mode = Mode.HOLDING if moving else Mode.STOPPED
         return Command(v, self._mode, reason, problem, solution, share, seconds)
+
+    def _jerk(self, robot: Robot) -> FloatArray | None:
+        """(nv,) the least J of the hard joint limits; None where none bounds jerks."""
+        found = [jerk for limit in self._limits if (jerk := limit.jerk_on(robot)) is not None]
+        return np.min(found, axis=0) if found else None
 
     def _room(self, robot: Robot, before: FloatArray, dt: float) -> FloatArray:
         """(nv,) how fast each joint may go on in its direction for the hard joint limits; infinite where none says."""

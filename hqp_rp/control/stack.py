@@ -136,7 +136,9 @@ class Stack:
         """The damping of each level as it was given; mink's and pink's own is not among it."""
         return self._damping
 
-    def problem(self, robot: Robot, dt: float | None = None, v: ArrayLike | None = None) -> Problem:
+    def problem(
+        self, robot: Robot, dt: float | None = None, v: ArrayLike | None = None, a: ArrayLike | None = None
+    ) -> Problem:
         """The prioritized problem at the robot's current configuration.
 
         Every array is fresh and read-only: a problem stays as it is when the robot moves on.
@@ -146,9 +148,11 @@ class Stack:
             dt: > 0, s, for how long the answer will be held. Needed by limits and by tasks of mink and pink only. When
                 first given, it is compared with the gains.
             v: (nv,) velocity before this step, rad/s or m/s. Needed by limits on accelerations only.
+            a: (nv,) acceleration before this step, (v - velocity before v) / dt, rad/s^2 or m/s^2. Needed by limits on jerks
+                only, and looked at for them only.
 
         Raises:
-            SettingError: dt or v missing or out of range.
+            SettingError: dt, v or a missing or out of range.
             RobotError: a frame or joint that the robot does not have.
             ProblemError: rows that do not fit together or are not finite; it names the level and the item.
 
@@ -166,11 +170,13 @@ class Stack:
         elif type(dt) is not float or dt != self._dt:
             dt = self._checked_dt(dt)
         if v is not None:
-            v = _checked_velocity(v, robot)
+            v = _checked_motion(v, robot, "v", "rad/s or m/s")
+        if a is not None:
+            a = _checked_motion(a, robot, "a", "rad/s^2 or m/s^2") if rows.is_jerked else None
         for configurations in self._configurations.values():
             configurations.expire()
 
-        matrix, lower, upper = rows.rows(dt, v)
+        matrix, lower, upper = rows.rows(dt, v, a)
         if rows.counts is not self._counts:
             self._count(rows)
         equality = not self._two_sided
@@ -192,6 +198,7 @@ class Stack:
         q: ArrayLike,
         dt: float | None = None,
         v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
         *,
         threads: int | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray | None, IntArray]:
@@ -203,7 +210,7 @@ class Stack:
 
         Args:
             robot: any `Robot`. q: (N, nq) configurations, N >= 1.
-            dt, v: as for `problem`; v (nv,) for all.
+            dt, v, a: as for `problem`; v and a (nv,) for all.
             threads: how many share native work; None means one for each core.
 
         Returns A (N, M, nv), lower (N, M), upper (N, M) or None where every row is an equality, and offsets (p + 1,).
@@ -237,7 +244,7 @@ class Stack:
             problems = []
             for configuration in configurations:
                 robot.update(configuration)
-                problems.append(self.problem(robot, dt, v))
+                problems.append(self.problem(robot, dt, v, a))
         finally:
             robot.update(before)
         offsets = problems[0].offsets
@@ -409,11 +416,11 @@ def _level_damping(
     return tuple(checked_level_damping(policy, f"damping of level {k + 1}") for k, policy in enumerate(damping))
 
 
-def _checked_velocity(v: ArrayLike, robot: Robot) -> FloatArray:
+def _checked_motion(value: ArrayLike, robot: Robot, name: str, unit: str) -> FloatArray:
     try:
-        velocity = np.ascontiguousarray(v, dtype=np.float64)
+        motion = np.ascontiguousarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise SettingError(f"v is {v!r}; it must be {robot.nv} numbers in rad/s or m/s.") from None
-    if velocity.shape != (robot.nv,) or not np.isfinite(velocity).all():
-        raise SettingError(f"v is {velocity.tolist()}; it must be {robot.nv} finite numbers in rad/s or m/s.")
-    return velocity
+        raise SettingError(f"{name} is {value!r}; it must be {robot.nv} numbers in {unit}.") from None
+    if motion.shape != (robot.nv,) or not np.isfinite(motion).all():
+        raise SettingError(f"{name} is {motion.tolist()}; it must be {robot.nv} finite numbers in {unit}.")
+    return motion

@@ -122,7 +122,8 @@ class StackFile:
             names = [a or b for a, b in zip(given, defaults, strict=True)]
             stack = Stack(levels, limits, names=names, damping=self._damping or None)
             try:
-                stack.problem(robot, self.dt, np.zeros(robot.nv))
+                rest = np.zeros(robot.nv)
+                stack.problem(robot, self.dt, rest, rest)
             except HqpError as error:
                 raise _told(error, self.origin) from None
         finally:

@@ -228,5 +228,15 @@ def rotation_vector(R: object) -> FloatArray:
 def allowed_step(distance: float, gain: float, a: float) -> float:
     """The signed step towards a limit at a signed distance; a = A dt^2."""
 
+def stop_change(u: float, c: float, a: float, j: float) -> float:
+    """
+    The next change of the velocity u while it stops, after the change c; a = A dt, j = J dt^2.
+    """
+
+def stop_rise(u: float, c: float, a: float, j: float) -> float:
+    """
+    How far above its place the position, over dt, comes to lie while u stops; arguments of `stop_change`, j finite.
+    """
+
 def saturation_null_space(problem: object, secondary: object | None, rank_tolerance: float, optimal: bool) -> tuple[Any, ...]:
     """(x, scale of each level, finite, tried, unfinished level, missed level), -1 for no level, or two rows in conflict."""

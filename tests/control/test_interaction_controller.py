@@ -126,6 +126,15 @@ def test_limits_on_accelerations_get_the_last_command():
     assert np.abs(np.diff(v, axis=0)).max() <= 0.5 * DT * (1 + 1e-6)
 
 
+def test_limits_on_jerks_get_the_change_of_the_last_commands():
+    robot = robot_with_speed_limit(2.0)
+    limits = [JointLimit(position=False, acceleration=0.5, jerk=20.0)]
+    commands = run(make(robot, "qp_cascade", limits=limits), robot, 20)
+    assert all(c.mode is Mode.RUNNING for c in commands)
+    v = np.array([np.zeros(7), np.zeros(7), *(c.v for c in commands)])
+    assert np.abs(np.diff(v, n=2, axis=0)).max() <= 20.0 * DT**2 + 1e-6 * DT
+
+
 def test_a_free_vector_reaches_the_solver():
     robot = random_chain(np.random.default_rng(0))
     levels = [ForceReference("tool", 15.0, 150.0, 30.0, axes="x", feedback="commanded")]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import hqp_rp
 from hqp_rp import Level, Problem, SettingError, Solution, Solver, Status, UnknownNameError
 from hqp_rp.control import JointLimit, MotionRunner, PositionTask, PostureTask, Stack
 from hqp_rp.control.command import Mode, fault_of
@@ -216,3 +217,53 @@ def test_misuse(robot: MujocoRobot, stack: Stack) -> None:
     limited = Stack([PostureTask(robot.neutral)], [JointLimit(acceleration=1.0)])
     with pytest.raises(SettingError, match="dt is -1"):
         MotionRunner(limited, "null_space", acceleration=1.0).step(robot, -1.0)
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+@pytest.mark.parametrize("jerk", [20.0, 200.0, 1e5])
+@pytest.mark.parametrize("failing", [5, 30, 60, 90, 110])
+def test_it_stops_within_the_jerk_of_a_joint_limit(robot: MujocoRobot, failing: int, jerk: float, share: float) -> None:
+    """Driven to a limit and back, it stops from whatever motion it has, and keeps everything."""
+    acceleration = 4.0
+    limit = JointLimit(acceleration=share * acceleration, jerk=jerk, velocity=1.5)
+    posture = PostureTask(robot.upper + 1.0, gain=5.0)
+    bad = dict.fromkeys(range(failing, 9999), (Status.NOT_FINITE, None))
+    runner = MotionRunner(Stack([posture], [limit]), OnPurpose(bad), acceleration=acceleration)
+    robot.update(robot.upper - 0.5)
+    v, a = np.zeros(7), np.zeros(7)
+    for k in range(900):
+        if k == 70:
+            posture.target = robot.lower
+        command = runner.step(robot, DT)
+        new = (command.v - v) / DT
+        assert np.abs(command.v).max() <= 1.5 + 1e-12
+        assert np.abs(new).max() <= acceleration + 1e-9
+        assert np.abs(new - a).max() <= jerk * DT + 1e-8
+        v, a = command.v, new
+        robot.update(robot.integrate(robot.q, v, DT))
+        assert (robot.q <= robot.upper + 1e-12).all()
+        if command.mode is Mode.STOPPED and not a.any():
+            break
+    assert runner.mode is Mode.STOPPED
+    assert not v.any()
+
+
+def test_it_begins_with_the_acceleration_that_it_is_told(robot: MujocoRobot) -> None:
+    stack = Stack([PostureTask(robot.upper, gain=5.0)], [JointLimit(jerk=10.0)])
+    runner = MotionRunner(stack, "hierarchical_active_set", acceleration=5.0)
+    robot.update(robot.neutral)
+    runner.reset(np.full(7, 0.1), np.full(7, 0.5))
+    np.testing.assert_allclose(runner.step(robot, DT).v, 0.1 + DT * (0.5 + 10.0 * DT))
+    runner.reset(np.full(7, 0.1), np.full(6, 0.5))
+    with pytest.raises(SettingError, match="the acceleration before has 6 numbers; the robot has nv = 7"):
+        runner.step(robot, DT)
+
+
+class OnPurpose(Failing):
+    """The hierarchical active set's answers, but for the calls whose numbers it is given."""
+
+    def solve(self, problem: Problem, secondary: Any = None) -> Solution:
+        failed = super().solve(problem, secondary)
+        if self.__dict__["calls"] in self.__dict__["bad"]:
+            return failed
+        return hqp_rp.solve(problem, "hierarchical_active_set")

@@ -42,6 +42,7 @@ dt = 0.01
 type = "joint"
 velocity = 2.0
 acceleration = 10.0
+jerk = 300.0
 [[limit]]
 type = "torque"
 limit = 100.0
@@ -143,7 +144,7 @@ def test_a_file_says_what_python_says() -> None:
             [CenterOfMassTask([0.1, 0.2, 0.3]), CollisionLimit([("link7", "link1")])],
             PostureTask([0, 0, 0, 0, 0, 0, 1], joints=["joint1", "joint7"]),
         ],
-        limits=[JointLimit(velocity=2.0, acceleration=10.0), TorqueLimit(100.0)],
+        limits=[JointLimit(velocity=2.0, acceleration=10.0, jerk=300.0), TorqueLimit(100.0)],
     )
     file = parse_stack(EVERYTHING)
     assert file.has_limits
@@ -152,8 +153,8 @@ def test_a_file_says_what_python_says() -> None:
     rng = np.random.default_rng(0)
     for _ in range(3):
         robot.update(rng.uniform(robot.lower, robot.upper))
-        v = rng.uniform(-0.1, 0.1, 7)
-        first, second = read.problem(robot, 0.01, v), written.problem(robot, 0.01, v)
+        v, a = rng.uniform(-0.1, 0.1, 7), rng.uniform(-1.0, 1.0, 7)
+        first, second = read.problem(robot, 0.01, v, a), written.problem(robot, 0.01, v, a)
         same(first, Problem.from_stacked(*second.stacked, names=first.names, hard=second.hard, check=False))
 
 

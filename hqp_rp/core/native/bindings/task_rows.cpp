@@ -191,6 +191,12 @@ void bind_task_rows(nb::module_& module) {
       nb::arg("R"), "log R (3,), of a rotation (3, 3).");
   module.def("allowed_step", &allowed_step, nb::arg("distance"), nb::arg("gain"), nb::arg("a"),
              "The signed step towards a limit at a signed distance; a = A dt^2.");
+  module.def(
+      "stop_change", [](double u, double c, double a, double j) { return JerkStop{a, j}.next(u, c); }, nb::arg("u"), nb::arg("c"), nb::arg("a"),
+      nb::arg("j"), "The next change of the velocity u while it stops, after the change c; a = A dt, j = J dt^2.");
+  module.def(
+      "stop_rise", [](double u, double c, double a, double j) { return JerkStop{a, j}.rise(u, c); }, nb::arg("u"), nb::arg("c"), nb::arg("a"),
+      nb::arg("j"), "How far above its place the position, over dt, comes to lie while u stops; arguments of `stop_change`, j finite.");
 }
 
 }  // namespace hqp::python

@@ -5,26 +5,16 @@
 #include <cmath>
 #include <limits>
 
-namespace hqp {
+#include "hqp_rp/jerk_stop.hpp"
 
-// phi(d): the signed step towards a limit at the signed distance d; a = A dt^2, or infinite.
-//
-// phi(d) = sign(d) min(gain |d|, X(|d|)), X(d) = d / N + a (N - 1) / 2, N = max(1, ceil((sqrt(1 + 8 d / a) - 1) / 2)).
-inline double allowed_step(double distance, double gain, double a) {
-  const double size = std::fabs(distance);
-  double longest = size;
-  if (size < std::numeric_limits<double>::infinity() && a < std::numeric_limits<double>::infinity()) {
-    const double steps = std::max(1.0, std::ceil((std::sqrt(1.0 + 8.0 * size / a) - 1.0) / 2.0));
-    longest = size / steps + a * (steps - 1.0) / 2.0;
-  }
-  return std::copysign(std::min(gain * size, longest), distance);
-}
+namespace hqp {
 
 struct JointBox {
   double gain = 0.0;          // 0: positions do not count
   double least = 0.0, greatest = 0.0;  // position
   double speed = 0.0;         // V
   double acceleration = 0.0;  // A, or infinite
+  double jerk = std::numeric_limits<double>::infinity();  // J
 
   // low and high of the velocity during dt, at position q and velocity v before. Acceleration yields to velocity, position to both.
   void at(double q, double v, double dt, double* low, double* high) const {
@@ -49,6 +39,36 @@ struct JointBox {
     *low = std::min(std::max(down, low_before), high_before);
     *high = std::max(std::min(up, high_before), low_before);
   }
+
+  // The same within J, with the acceleration `before` of the step before: jerk yields to acceleration, position to all. Where a state lets
+  // the bounds of one kind contradict another's, the one that yields is clipped into the other's interval.
+  void at(double q, double v, double before, double dt, double* low, double* high) const {
+    if (!(jerk < std::numeric_limits<double>::infinity())) return at(q, v, dt, low, high);
+    JointBox others = *this;
+    others.gain = 0.0;
+    others.at(q, v, dt, low, high);
+    const double j = jerk * dt * dt, change = before * dt;
+    const double slowest = clip(v + change - j, *low, *high), fastest = clip(v + change + j, *low, *high);
+    // What c = 0 is reached from at -V or V.
+    const double top = clip(v + allowed_step(speed - v, 1.0, j), slowest, fastest);
+    const double bottom = std::min(clip(v - allowed_step(speed + v, 1.0, j), slowest, fastest), top);
+    *low = bottom, *high = top;
+    if (!(gain > 0.0)) return;
+    const JerkStop brake{acceleration * dt, j};
+    const double stop = clip(v - allowed_step(v, 1.0, j), bottom, top);
+    const double down = (least - q) / dt, up = (greatest - q) / dt;
+    // Inside, the stop must end inside; outside, it must not end before the limit, and what is left of it must not lead further out. The gain
+    // asks for no more than the stop.
+    *high = up >= 0.0 ? std::min(brake.largest(v, bottom, top, up), std::max(gain * up, stop))
+                      : std::min(std::max(brake.smallest(v, bottom, top, up), std::min(gain * up, stop)), stop);
+    *low = down <= 0.0 ? std::max(brake.smallest(v, bottom, top, down), std::min(gain * down, stop))
+                       : std::max(std::min(brake.largest(v, bottom, top, down), std::max(gain * down, stop)), stop);
+    if (*low > *high) *low = *high = clip(stop, *high, *low);
+  }
+
+ private:
+  // nan becomes low.
+  static double clip(double value, double low, double high) { return value > low ? std::min(value, high) : low; }
 };
 
 }  // namespace hqp

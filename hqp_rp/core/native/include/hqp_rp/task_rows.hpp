@@ -32,7 +32,7 @@ class TaskRows {
   std::vector<RowItem> items;
   const std::int64_t* index = nullptr;
   const double* numbers = nullptr;
-  const double* values = nullptr;  // coordinates that posture tasks and limits refer to, dt, the velocity before the step
+  const double* values = nullptr;  // coordinates that posture tasks and limits refer to, dt, velocity and acceleration before the step
   const double* rotations = nullptr;  // (F, 3, 3)
   const double* origins = nullptr;    // (F, 3)
   const double* jacobians = nullptr;  // (F, 6, n)
@@ -259,16 +259,23 @@ class TaskRows {
     }
   }
 
-  // Rows of the identity and the box: numbers gain, then least and greatest position, V and A (n each); index: where in `values` each
-  // coordinate is, -1 for a velocity without one (n), then where dt is; the velocity before the step follows dt.
+  // Rows of the identity and the box: numbers gain, then least and greatest position, V, A and, where it is bounded, J (n each); index:
+  // where in `values` each coordinate is, -1 for a velocity without one (n), then where dt is, which the velocity before the step
+  // follows, then where the acceleration before the step is, -1 without J.
   void box_limit(const RowItem& item, double* rows, double* lower, double* upper) const {
     const double* given = numbers + item.numbers;
     const std::int64_t* coordinate = index + item.index;
-    const std::int64_t time = coordinate[n];
+    const std::int64_t time = coordinate[n], before = coordinate[n + 1];
     for (int i = 0; i < n; ++i) {
       for (int j = 0; j < n; ++j) rows[static_cast<std::ptrdiff_t>(i) * n + j] = i == j ? 1.0 : 0.0;
-      const JointBox box{given[0], given[1 + i], given[1 + n + i], given[1 + 2 * n + i], given[1 + 3 * n + i]};
-      box.at(coordinate[i] >= 0 ? values[coordinate[i]] : 0.0, values[time + 1 + i], values[time], lower + i, upper + i);
+      JointBox box{given[0], given[1 + i], given[1 + n + i], given[1 + 2 * n + i], given[1 + 3 * n + i]};
+      const double q = coordinate[i] >= 0 ? values[coordinate[i]] : 0.0, v = values[time + 1 + i], dt = values[time];
+      if (before < 0) {
+        box.at(q, v, dt, lower + i, upper + i);
+      } else {
+        box.jerk = given[1 + 4 * n + i];
+        box.at(q, v, values[before + i], dt, lower + i, upper + i);
+      }
     }
   }
 };
