@@ -19,7 +19,14 @@ from matplotlib.text import Text
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
-_QUIET = ("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-sync")  # fmt: skip
+_QUIET = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-sync",
+)
 
 # A headless window is never narrower than 500 pixels, a frame in it is as narrow as it is told to be.
 _FRAMES = """<!DOCTYPE html><body><pre id="measured"></pre>
