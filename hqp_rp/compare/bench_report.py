@@ -118,7 +118,7 @@ def answer(measured: Measured) -> tuple[str, ...]:
     for name, threads, rate in measured.batch:
         if threads == max(t for _, t, _ in measured.batch):
             cores = "1 core" if threads == 1 else f"{threads} cores"
-            sentences.append(f"{name}: {number(rate, 3)} a second on {cores}.")
+            sentences.append(f"{name}: {_plain(rate)} a second on {cores}.")
     slowest = max((name for name in measured.start if name != "import"), key=lambda name: measured.start[name])
     sentences.append(
         f"import hqp_rp takes {number(measured.start['import'])} s; with a first answer, in a fresh process, at most "
@@ -128,7 +128,12 @@ def answer(measured: Measured) -> tuple[str, ...]:
 
 
 def _us(seconds: float) -> str:
-    return number(seconds * 1e6, 3)
+    return _plain(seconds * 1e6)
+
+
+def _plain(value: float) -> str:
+    """Three digits, large ones without an exponent: 1.17, 408, 165,000."""
+    return number(value, 3) if value < 1e4 else f"{float(f'{value:.3g}'):,.0f}"
 
 
 def _growth(over: str, curves: Curves) -> Lines:
@@ -181,7 +186,7 @@ def _times(result: Result) -> Table:
 
 
 def _batch(measured: Measured) -> Table:
-    rows = tuple((name, str(threads), number(rate, 3)) for name, threads, rate in measured.batch)
+    rows = tuple((name, str(threads), _plain(rate)) for name, threads, rate in measured.batch)
     return Table(
         "Many at once",
         ("what", "threads", "per second"),
@@ -202,7 +207,7 @@ def _start(measured: Measured) -> Table:
 def _instructions(measured: Measured) -> list[Table]:
     if not measured.instructions:
         return []
-    rows = tuple((label, number(count, 3)) for label, count in measured.instructions.items())
+    rows = tuple((label, _plain(count)) for label, count in measured.instructions.items())
     return [Table(f"Instructions per call on {COUNTED_FAMILY}", ("entrant", "instructions"), rows)]
 
 

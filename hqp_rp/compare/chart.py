@@ -106,6 +106,23 @@ class Lines:
         top = float(shown.max()) * 3.0
         return float(np.quantile(shown, LOWEST, method="lower")) / 3.0, max([top, *self.reach[row : row + 1]])
 
+    @property
+    def abscissas(self) -> tuple[float, float]:
+        """The ends of what is drawn along x; on a log axis decimal logarithms, at least one apart."""
+        x = np.concatenate([line.x for row in self.panels for lines in row for line in lines] or [np.zeros(0)])
+        x = x[np.isfinite(x) & ((x > 0.0) | (not self.log_x))]
+        if not x.size:
+            return 0.0, 1.0
+        low, high = float(x.min()), float(x.max())
+        if self.log_x:
+            low, high = float(np.log10(low)), float(np.log10(high))
+            return low, max(high, low + 1.0)
+        return low, high if high > low else low + 1.0
+
+    def in_left_half(self, at: float) -> bool:
+        """Whether this abscissa is in the left half of a panel."""
+        return ((float(np.log10(at)) if self.log_x else at) < sum(self.abscissas) / 2.0) != self.reverse_x
+
     def drawn(self, row: int, y: FloatArray) -> FloatArray:
         """y as it is drawn: on a log axis, what is below the floor lies on it."""
         return np.maximum(y, self.floor[row]) if self.log_y[row] else y
@@ -208,6 +225,11 @@ class Bars:
     def colour(self, kind: int) -> str:
         """The colour of a kind."""
         return "#b0b0b0" if kind == len(self.kinds) - 1 else COLOURS[kind % len(COLOURS)]
+
+    @staticmethod
+    def written(value: float) -> str:
+        """The number beside a bar: 0.0123, 4.56, 1170."""
+        return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
 
     def rows(self) -> list[tuple[float, str, float, int]]:
         """(height, label, value, kind), from top to bottom: one unit a bar, room for a title above each group."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
+import textwrap
 from typing import Any
 
 import markupsafe
@@ -18,6 +19,18 @@ from hqp_rp.core.problem import FloatArray
 _GREY = "#666666"
 _GRID = "#e4e4e4"
 
+# In pixels. A page narrower than a chart's least width scrolls the chart sideways instead of laying words on words.
+_LEAST = 620
+_COLUMN = 175
+_CELL = 62
+_PICTURE = 900
+_TITLE_LETTERS = 22
+_TITLE_LINE = 17
+_LEGEND_LINE = 22
+
+# Ticks that nobody sees keep the labels of the abscissa clear of the lowest one of the ordinate.
+_LOWERED = {"ticks": "outside", "ticklen": 5, "tickcolor": "rgba(0,0,0,0)"}
+
 
 def script() -> str:
     """plotly.js, to be put into the page once."""
@@ -29,41 +42,47 @@ def html(chart: Chart, styles: dict[str, Style]) -> str:
     if isinstance(chart, Picture):
         data = base64.b64encode(chart.png).decode()
         words = markupsafe.escape(chart.title)
-        return f'<div><img alt="{words}" style="width: 100%" src="data:image/png;base64,{data}"></div>'
+        return f'<div style="min-width: {_PICTURE}px"><img alt="{words}" style="width: 100%" src="data:image/png;base64,{data}"></div>'
     if isinstance(chart, Bars):
         figure = _bars(chart)
+        least = max([_LEAST, *(220 + 7 * len(title) for title, _ in chart.groups)])
     elif isinstance(chart, Grid):
         figure = _grid(chart)
+        least = max(_LEAST, 250 + _CELL * len(chart.columns))
     else:
         figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
+        least = max(_LEAST, 250 + _COLUMN * len(chart.columns))
     figure.update_layout(
         template="plotly_white",
         font={"family": "system-ui, sans-serif", "size": 12},
         hoverlabel={"namelength": -1},
         paper_bgcolor="rgba(0,0,0,0)",
+        modebar={"bgcolor": "rgba(255,255,255,0.7)", "color": "#b0b0b0", "activecolor": _GREY},
     )
-    return str(
-        figure.to_html(
-            full_html=False,
-            include_plotlyjs=False,
-            div_id=chart.name,
-            config={"displaylogo": False, "responsive": True},
-        )
+    piece = figure.to_html(
+        full_html=False,
+        include_plotlyjs=False,
+        div_id=chart.name,
+        config={"displaylogo": False, "responsive": True},
     )
+    return f'<div style="min-width: {least}px">{piece}</div>'
 
 
 def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
     rows, columns = len(chart.rows), len(chart.columns)
-    height = 70 + 185 * rows
+    titles, head = _column_titles(chart.columns)
+    listed = {line.label for row in chart.panels for lines in row for line in lines}
+    height = head + 50 + max(185 * rows, _LEGEND_LINE * (len(listed) + columns))
     figure = make_subplots(
         rows=rows,
         cols=columns,
         shared_xaxes=True,
         shared_yaxes=True,
-        column_titles=list(chart.columns),
+        column_titles=titles,
         vertical_spacing=0.02,
-        horizontal_spacing=0.012,
+        horizontal_spacing=0.025,
     )
+    figure.update_annotations(font={"size": 13})
     seen: set[str] = set()
     titled: set[int] = set()
     for r, panels in enumerate(chart.panels):
@@ -78,36 +97,55 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
                     figure.add_trace(trace, row=r + 1, col=c + 1)
         low, high = chart.limits(r)
         scale = (
-            {"type": "log", "range": [math.log10(low), math.log10(high)]} if chart.log_y[r] else {"range": [low, high]}
+            {"type": "log", "range": [math.log10(low), math.log10(high)], "dtick": _decades(math.log10(high / low), 6)}
+            if chart.log_y[r]
+            else {"range": [low, high]}
         )
         figure.update_yaxes(exponentformat="power", gridcolor=_GRID, zeroline=False, row=r + 1, **scale)
         figure.update_yaxes(title_text=chart.rows[r].replace("\n", "<br>"), row=r + 1, col=1)
-    figure.update_xaxes(gridcolor=_GRID, zeroline=False, showgrid=True)
+    most = 3 if columns > 2 else 8
+    figure.update_xaxes(gridcolor=_GRID, zeroline=False, showgrid=True, nticks=most + 1, tickangle=0, **_LOWERED)
+    low, high = chart.abscissas
     if chart.log_x:
-        low, high = _exponents(chart)
-        room = 0.02 * (high - low)
-        ends = [low - room, high + room]
-        tick = max(1, math.ceil((high - low) / (4 if len(chart.columns) > 2 else 8)))
-        figure.update_xaxes(type="log", exponentformat="power", dtick=tick, tickangle=0)
-        figure.update_xaxes(range=ends[::-1] if chart.reverse_x else ends)
-    elif chart.reverse_x:
-        figure.update_xaxes(autorange="reversed")
-    figure.add_annotation(
-        text=chart.x_label, x=0.5, xref="paper", xanchor="center", y=0.0, yref="paper", yanchor="top", yshift=-22,
-        showarrow=False, font={"size": 11},
-    )  # fmt: skip
-    for at, words in chart.marks:
+        figure.update_xaxes(type="log", exponentformat="power", dtick=_decades(high - low, most))
+    room = 0.06 * (high - low)
+    ends = [low - room, high + room]
+    figure.update_xaxes(range=ends[::-1] if chart.reverse_x else ends)
+    _label_below(figure, chart.x_label)
+    for k, (at, words) in enumerate(chart.marks):
         figure.add_vline(x=at, line={"color": _GREY, "width": 1, "dash": "dot"})
         figure.add_annotation(
             x=math.log10(at) if chart.log_x else at, xref="x", y=1.0, yref="y domain", text=words, showarrow=False,
-            font={"size": 10, "color": _GREY}, xanchor="right", yanchor="top",
+            yshift=-14 * k,
+            font={"size": 10, "color": _GREY}, xanchor="left" if chart.in_left_half(at) else "right", yanchor="top",
         )  # fmt: skip
     figure.update_layout(
         height=height,
-        margin={"l": 70, "r": 10, "t": 30, "b": 50},
+        margin={"l": 70, "r": 10, "t": head, "b": 50},
         legend={"tracegroupgap": 2, "groupclick": "togglegroup", "font": {"size": 11}},
     )
     return figure
+
+
+def _column_titles(columns: tuple[str, ...]) -> tuple[list[str], int]:
+    """The titles on lines that a column of the least width has room for, and the pixels above the panels that they take."""
+    lines = [textwrap.wrap(title, _TITLE_LETTERS) or [""] for title in columns]
+    return ["<br>".join(title) for title in lines], 14 + _TITLE_LINE * max(map(len, lines))
+
+
+def _label_below(figure: Any, words: str) -> None:
+    """One label for the abscissas of all columns."""
+    figure.add_annotation(
+        text=words, x=0.5, xref="paper", xanchor="center", y=0.0, yref="paper", yanchor="top", yshift=-26,
+        showarrow=False, font={"size": 11},
+    )  # fmt: skip
+
+
+def _decades(shown: float, ticks: int) -> float | str | None:
+    """The step of a log axis over so many decades with at most so many ticks; None leaves it to plotly."""
+    if shown < 1.0:
+        return None
+    return "D2" if shown < 2.0 else math.ceil(shown / ticks)
 
 
 def _in_legend(label: str, style: Style, title: str | None) -> Any:
@@ -117,14 +155,6 @@ def _in_legend(label: str, style: Style, title: str | None) -> Any:
         x=[None], y=[None], mode="lines", name=label, legendgroup=label, legendgrouptitle=group, showlegend=True,
         line={"color": style.colour, "dash": style.dash, "width": 2.5},
     )  # fmt: skip
-
-
-def _exponents(chart: Lines) -> tuple[float, float]:
-    """The decimal logarithms between which all abscissas lie, at least one apart."""
-    values = np.concatenate([line.x for panels in chart.panels for lines in panels for line in lines] or [np.ones(1)])
-    values = values[np.isfinite(values) & (values > 0.0)]
-    low, high = (math.log10(float(f(values))) if values.size else 0.0 for f in (np.min, np.max))
-    return low, max(high, low + 1.0)
 
 
 def _traces(chart: Lines, row: int, label: str, line: Any, style: Style, count: int) -> list[Any]:
@@ -159,8 +189,10 @@ def _traces(chart: Lines, row: int, label: str, line: Any, style: Style, count: 
 
 def _dots(chart: Dots, styles: dict[str, Style]) -> Any:
     labels = chart.labels
-    figure = make_subplots(rows=1, cols=len(chart.columns), shared_yaxes=True, horizontal_spacing=0.02,
-                           column_titles=list(chart.columns))  # fmt: skip
+    titles, head = _column_titles(chart.columns)
+    figure = make_subplots(rows=1, cols=len(chart.columns), shared_yaxes=True, horizontal_spacing=0.025,
+                           column_titles=titles)  # fmt: skip
+    figure.update_annotations(font={"size": 13}, yshift=_TITLE_LINE)
     for c, values in enumerate(chart.values):
         for label in labels:
             if label not in values or not len(values[label]):
@@ -190,11 +222,15 @@ def _dots(chart: Dots, styles: dict[str, Style]) -> Any:
             text=chart.absent, showarrow=False, yanchor="bottom", font={"size": 10, "color": _GREY},
         )  # fmt: skip
     limits = [math.log10(v) for v in chart.limits] if chart.log_x else list(chart.limits)
-    figure.update_xaxes(range=limits, gridcolor=_GRID, title_text=chart.x_label, zeroline=False,
-                        **({"type": "log", "exponentformat": "power", "dtick": 2} if chart.log_x else {}))  # fmt: skip
+    figure.update_xaxes(range=limits, gridcolor=_GRID, zeroline=False, tickangle=0, **_LOWERED)
+    if chart.log_x:
+        tick = _decades(abs(limits[1] - limits[0]), 4)
+        figure.update_xaxes(type="log", exponentformat="power", dtick=tick, nticks=2)
+    _label_below(figure, chart.x_label)
     figure.update_yaxes(categoryorder="array", categoryarray=labels[::-1], gridcolor=_GRID,
                         range=[-0.7, len(labels) - 0.3])  # fmt: skip
-    figure.update_layout(height=110 + 24 * len(labels), margin={"l": 150, "r": 10, "t": 40, "b": 50})
+    head += _TITLE_LINE
+    figure.update_layout(height=head + 70 + 24 * len(labels), margin={"l": 150, "r": 10, "t": head, "b": 50})
     return figure
 
 
@@ -206,17 +242,21 @@ def _bars(chart: Bars) -> Any:
         figure.add_trace(
             go.Bar(
                 y=[at for at, *_ in own], x=[value - 1.0 for _, _, value, _ in own], base=[1.0] * len(own), orientation="h",
-                name=kind, marker={"color": chart.colour(k)}, width=0.72, text=[f"{value:.3g}" for _, _, value, _ in own],
-                textposition="outside", customdata=[[label, value] for _, label, value, _ in own],
-                hovertemplate="<b>%{customdata[0]}</b>: %{customdata[1]:.3g}<extra></extra>",
+                name=kind, marker={"color": chart.colour(k)}, width=0.72, text=[chart.written(value) for _, _, value, _ in own],
+                textposition="outside", customdata=[label for _, label, _, _ in own],
+                hovertemplate="<b>%{customdata}</b>: %{text}<extra></extra>",
             )
         )  # fmt: skip
     for at, title in chart.titles():
         figure.add_annotation(x=0.0, xref="paper", y=at, text=f"<b>{title}</b>", showarrow=False, xanchor="left")
     values = [value for _, _, value, _ in rows]
     least = min([1.0, *values])
-    limits = [math.log10(least * (0.9 if least == 1.0 else 0.5)), math.log10(max([10.0, *values]) * 1.8)]
-    figure.update_xaxes(type="log", range=limits, title_text=chart.x_label, gridcolor=_GRID)
+    limits = [math.log10(least * (0.9 if least == 1.0 else 0.5)), math.log10(max([10.0, *values]))]
+    limits[1] += 0.18 * (limits[1] - limits[0])  # the number beside the longest bar
+    steps = (1.0, 2.0, 5.0) if limits[1] - limits[0] < 4.0 else (1.0,)
+    ticks = [step * 10.0**k for k in range(math.floor(limits[0]), math.ceil(limits[1]) + 1) for step in steps]
+    figure.update_xaxes(type="log", range=limits, title_text=chart.x_label, gridcolor=_GRID, tickvals=ticks,
+                        ticktext=[f"{tick:g}" for tick in ticks], tickangle=0)  # fmt: skip
     last = max((at for at, *_ in rows), default=0.0)
     figure.update_yaxes(tickvals=[at for at, *_ in rows], ticktext=[label for _, label, _, _ in rows],
                         range=[last + 0.8, -0.8], showgrid=False)  # fmt: skip

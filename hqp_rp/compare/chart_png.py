@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from hqp_rp.compare.chart import Bars, Chart, Dots, Grid, Lines, Picture, Style
 
@@ -23,15 +24,19 @@ def png(chart: Chart, styles: dict[str, Style]) -> bytes:
     """The chart as a PNG file; the same data gives the same bytes."""
     if isinstance(chart, Picture):
         return chart.png
-    if isinstance(chart, Bars):
-        figure = _bars(chart)
-    elif isinstance(chart, Grid):
-        figure = _grid(chart)
-    else:
-        figure = _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+    figure(chart, styles).savefig(buffer, format="png", dpi=110, metadata={"Software": None})
     return buffer.getvalue()
+
+
+def figure(chart: Chart, styles: dict[str, Style]) -> Figure:
+    """The chart as a figure of matplotlib; a `Picture` is none."""
+    assert not isinstance(chart, Picture)
+    if isinstance(chart, Bars):
+        return _bars(chart)
+    if isinstance(chart, Grid):
+        return _grid(chart)
+    return _lines(chart, styles) if isinstance(chart, Lines) else _dots(chart, styles)
 
 
 def _lines(chart: Lines, styles: dict[str, Style]) -> Figure:
@@ -116,24 +121,36 @@ def _panel(axes: Axes, chart: Lines, r: int, c: int, styles: dict[str, Style]) -
         axes.set_xscale("log")
     if chart.log_y[r]:
         axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(numticks=7))
-        axes.yaxis.set_minor_locator(NullLocator())
     axes.set_ylim(*chart.limits(r))
+    if chart.log_y[r]:
+        _log_ticks(axes.yaxis, 7)
     if chart.log_x:
-        axes.xaxis.set_major_locator(LogLocator(numticks=8))
-        axes.xaxis.set_minor_locator(NullLocator())
+        _log_ticks(axes.xaxis, 8)
     if chart.reverse_x and not axes.xaxis_inverted():
         axes.invert_xaxis()
-    for at, words in chart.marks:
+    for k, (at, words) in enumerate(chart.marks):
         axes.axvline(at, color=_GREY, linewidth=0.8, linestyle=":")
         if r == 0 and words:
-            axes.annotate(words, (at, 1.0), (-2, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
-                          fontsize=7, color=_GREY, va="top", ha="right")  # fmt: skip
+            away, side = (2, "left") if chart.in_left_half(at) else (-2, "right")
+            axes.annotate(words, (at, 1.0), (away, -2 - 10 * k), xycoords=("data", "axes fraction"), textcoords="offset points",
+                          fontsize=7, color=_GREY, va="top", ha=side)  # fmt: skip
     axes.grid(True, which="major", color="#e4e4e4", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8, color=_GREY)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def _log_ticks(axis: Axis, most: int) -> None:
+    """At most so many ticks on a log axis: powers of ten where it holds two of them, else numbers between."""
+    low, high = sorted(axis.get_view_interval())
+    powers = np.floor(np.log10(high)) - np.ceil(np.log10(low)) + 1
+    if powers >= 2:
+        axis.set_major_locator(LogLocator(numticks=most))
+    else:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if high > 5.0 * low else MaxNLocator(4))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
 
 
 def _dots(chart: Dots, styles: dict[str, Style]) -> Figure:
@@ -159,9 +176,9 @@ def _dots(chart: Dots, styles: dict[str, Style]) -> Figure:
             _row(axes, chart, places[label], values[label], styles[label].colour)
         if chart.log_x:
             axes.set_xscale("log")
-            axes.xaxis.set_major_locator(LogLocator(numticks=9))
-            axes.xaxis.set_minor_locator(NullLocator())
         axes.set_xlim(*chart.limits)
+        if chart.log_x:
+            _log_ticks(axes.xaxis, 9)
         axes.axvspan(chart.absent_from, chart.limits[1], color="#f3f3f3", linewidth=0, zorder=0)
         axes.annotate(chart.absent, (chart.absent_at, 1.0), (0, 3), xycoords=("data", "axes fraction"),
                       textcoords="offset points", fontsize=8, color=_GREY, ha="center")  # fmt: skip
@@ -190,7 +207,8 @@ def _bars(chart: Bars) -> Figure:
     rows = chart.rows()
     last = max((at for at, *_ in rows), default=0.0)
     margin = 0.3 + 0.075 * max((len(label) for _, label, _, _ in rows), default=10)
-    width, height = margin + 6.2, 1.5 + 0.21 * (last + 1.0)
+    width = margin + max([6.2, *(0.3 + 0.076 * len(title) for title, _ in chart.groups)])
+    height = 1.5 + 0.21 * (last + 1.0)
     figure = Figure(figsize=(width, height), facecolor="white")
     axes = figure.add_axes((margin / width, 0.55 / height, 1.0 - (margin + 0.3) / width, 1.0 - 1.35 / height))
     figure.text(0.2 / width, 1.0 - 0.32 / height, chart.title, fontsize=12, fontweight="bold")
@@ -198,7 +216,7 @@ def _bars(chart: Bars) -> Figure:
         axes.barh(at, value - 1.0, left=1.0, height=0.72, color=chart.colour(kind), linewidth=0)
         beside, side = ((3, 0), "left") if value >= 1.0 else ((-3, 0), "right")
         axes.annotate(
-            f"{value:.3g}", (value, at), beside, textcoords="offset points", fontsize=7.5, va="center", ha=side
+            chart.written(value), (value, at), beside, textcoords="offset points", fontsize=7.5, va="center", ha=side
         )
     for at, title in chart.titles():
         axes.text(0.0, at, title, fontsize=9, fontweight="bold", va="center", transform=axes.get_yaxis_transform())

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import pathlib
 import re
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
@@ -15,7 +11,6 @@ import pytest
 from hqp_rp.compare.chart import COLOURS, Dots, Line, Lines, styles, thinned
 from hqp_rp.compare.chart_html import html
 from hqp_rp.compare.chart_png import png
-from hqp_rp.compare.report import Report, Section, write_report
 
 X = np.array([1.0, 0.1, 0.01])
 LOOK = styles([["a", "b"], ["c"]])
@@ -126,37 +121,3 @@ def test_the_legend_shows_every_contestant_with_a_line_that_can_be_seen(chart: L
     assert set(entries) == {"a", "b", "c"}
     assert all(trace["line"]["width"] >= 2.0 and trace.get("opacity", 1.0) == 1.0 for trace in entries.values())
     assert [entries[label]["legendgrouptitle"]["text"] for label in ("a", "c")] == ["<b>one</b>", "<b>two</b>"]
-
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine to render a page in")
-@pytest.mark.parametrize("width", [1280, 420])
-def test_a_browser_shows_the_names_of_every_chart(tmp_path: pathlib.Path, width: int) -> None:
-    dotted, both = dots(), Report("t", "q?", (Section("s", charts=(lines(), unsure_named(), dots())),), LOOK)
-    page = write_report(both, tmp_path)[0]
-    quiet = (
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--no-first-run",
-        "--disable-background-networking",
-        "--disable-sync",
-    )
-    command = [str(CHROMIUM), *quiet, f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900"]
-    done = subprocess.run(
-        [*command, "--virtual-time-budget=10000", "--dump-dom", page.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=90,
-    )
-    charts = re.split(r'<div id="(?=errors|unsure|parting)', done.stdout)[1:]
-    assert len(charts) == 3
-    for chart in charts[:2]:
-        assert set(re.findall(r'class="legendtext"[^>]*data-unformatted="([^"]*)"', chart)) >= {"a", "b", "c"}
-    assert all(f">{label}</text>" in charts[2] for label in dotted.labels)
-
-
-def unsure_named() -> Lines:
-    return dataclasses.replace(unsure(), name="unsure")

@@ -16,8 +16,8 @@ from hqp_rp.compare.claims.charts import EQUAL, merged
 from hqp_rp.compare.claims.experiments import Places, trials
 from hqp_rp.compare.claims.methods import FIXED, SWEPT, WITHIN_LIMITS
 from hqp_rp.compare.claims.report import ClaimsStudy, study_claims
-from hqp_rp.compare.claims.sources import digest_of_sources
 from hqp_rp.compare.claims.shown import films, halved, shown
+from hqp_rp.compare.claims.sources import digest_of_sources
 from hqp_rp.compare.claims.trials import Trial, row
 from hqp_rp.compare.claims.verdicts import verdicts
 from hqp_rp.compare.report import Report, write_report
