@@ -42,7 +42,8 @@ def html(chart: Chart, styles: dict[str, Style]) -> str:
     if isinstance(chart, Picture):
         data = base64.b64encode(chart.png).decode()
         words = markupsafe.escape(chart.title)
-        return f'<div style="min-width: {_PICTURE}px"><img alt="{words}" style="width: 100%" src="data:image/png;base64,{data}"></div>'
+        drawn = f'<img alt="{words}" style="width: 100%" src="data:image/png;base64,{data}">'
+        return f'<div style="min-width: {_PICTURE}px">{drawn}</div>'
     if isinstance(chart, Bars):
         figure = _bars(chart)
         least = max([_LEAST, *(220 + 7 * len(title) for title, _ in chart.groups)])

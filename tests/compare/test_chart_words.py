@@ -92,7 +92,8 @@ NAMES = [chart.name for chart in CHARTS]
 def test_in_a_figure_nothing_overlaps_and_every_axis_has_numbers(chart: Chart) -> None:
     drawing = figure(chart, LOOK)
     assert in_figure(drawing).faults() == []
-    assert all(len(numbers) >= 2 for numbers in tick_labels(drawing))
+    bare = 1 if isinstance(chart, Grid) else 0  # a colour bar has numbers along it, none across
+    assert sum(len(numbers) < 2 for numbers in tick_labels(drawing)) == bare
 
 
 @pytest.mark.parametrize("chart", CHARTS, ids=NAMES)
@@ -114,12 +115,8 @@ def names(chart: Chart) -> set[str]:
     if isinstance(chart, Lines):
         return {line.label for row in chart.panels for panel in row for line in panel}
     if isinstance(chart, Grid):
-        return {
-            *chart.columns,
-            *chart.rows,
-            *(words for row in chart.texts for words in row),
-            chart.line[0] if chart.line else "",
-        }
+        inside = {words for row in chart.texts for words in row}
+        return inside | {*chart.columns, *chart.rows} | ({chart.line[0]} if chart.line else set())
     return set(LABELS) | (set(chart.kinds) if isinstance(chart, Bars) else set())
 
 
