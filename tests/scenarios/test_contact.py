@@ -126,3 +126,60 @@ def test_impossible_surfaces_are_refused(settings: dict[str, float], message: st
 def test_a_mass_that_mujoco_cannot_represent_is_refused() -> None:
     with pytest.raises(SettingError, match="mass of a wall is 1e-07 kg; MuJoCo takes"):
         at_start(Surface(mass=1e-7))
+
+
+def test_a_sliding_ball_meets_coulomb_friction_and_a_resting_one_stays_within_it() -> None:
+    """At constant speed along the wall the tangential force is mu times the normal one, with the motion: on the wall."""
+    mu = 0.3
+    contact = at_start(Surface(1e4, friction=mu), 5e-4)
+    contact.advance(towards((0.02, 0.0, 0.0)), 800)
+    still = contact.reading()
+    assert still[0] > 2.0
+    assert np.linalg.norm(still[1:3]) <= 1.001 * mu * still[0]
+    for sign in (1.0, -1.0):
+        contact.advance(towards((0.0, 0.0, sign * 0.05)), 400)
+        sliding = contact.reading()
+        assert sliding[2] == pytest.approx(sign * mu * sliding[0], rel=0.02)
+    with pytest.raises(SettingError, match=r"friction of a wall is -0\.1; it must be a finite number >= 0"):
+        Surface(friction=-0.1)
+
+
+def test_a_late_reading_is_the_one_of_before() -> None:
+    wall = {"x": float(TOOL[0])}
+    prompt, late = (ContactArm(ARM, 1e-3, wall, Surface(1e4), delay=delay) for delay in (0, 5))
+    readings = []
+    for contact in (prompt, late):
+        contact.reset(START)
+        own = []
+        for _ in range(40):
+            contact.advance(towards((0.02, 0.0, 0.0)), 1)
+            own.append(contact.reading()[0])
+        readings.append(np.array(own))
+    assert readings[0][-1] > 1.0
+    np.testing.assert_array_equal(readings[1][5:], readings[0][:-5])
+    assert (readings[1][:4] == 0.0).all()
+    late.reset(START)
+    assert (late.reading() == 0.0).all()
+
+
+def test_a_tilted_wall_pushes_along_its_normal() -> None:
+    tilt = 0.6
+    n = np.array((np.cos(tilt), np.sin(tilt), 0.0))
+    contact = ContactArm(ARM, 5e-4, {"x": float(n @ TOOL)}, Surface(1e4), tilt=tilt)
+    contact.reset(START)
+    touch = contact.advance(towards(tuple(0.02 * n)), 600)
+    assert touch.force["x"] > 1.0
+    np.testing.assert_allclose(contact.reading()[:3], touch.force["x"] * n, atol=1e-9)
+    assert touch.force["x"] == pytest.approx(1e4 * touch.depth["x"], rel=0.05)
+
+
+def test_a_push_is_a_wrench_about_the_tool() -> None:
+    """It adds J^T F to the forces on the joints, J of the tool, F the wrench."""
+    contact = ContactArm(ARM, 1e-4, {}, Surface())
+    contact.reset(START)
+    wrench = np.array((3.0, -2.0, 1.0, 0.3, -0.2, 0.4))
+    model, data = contact.robot.model, contact.robot.data
+    before = data.qfrc_smooth.copy()
+    contact.push(wrench)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.qfrc_smooth - before, ARM.jacobian(START, "tool").T @ wrench, atol=1e-9)

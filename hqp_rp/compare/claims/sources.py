@@ -14,12 +14,17 @@ from hqp_rp.compare.run_folder import digest
 ROOT = pathlib.Path(hqp_rp.__file__).parent
 _BEGINNINGS = ("hqp_rp.compare.claims.trials", "hqp_rp.compare.claims.experiments", "hqp_rp.compare.claims.verdicts")
 _LOADED_BY_NAME = "solvers"
+_WRITES = "hqp_rp.compare"
+_MEASURES = "hqp_rp.compare.claims"
 _NATIVE = ROOT / "core" / "native"
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 
 
 def sources() -> list[pathlib.Path]:
-    """Every file that trials and verdicts are made by: what they import, all solvers, and the native core."""
+    """Every file that trials and verdicts are made by: what they import, all solvers, and the native core.
+
+    Of `compare` only what measures and judges: how a report is drawn and written changes no result.
+    """
     waiting = [*_BEGINNINGS, *(f"hqp_rp.solvers.{path.stem}" for path in (ROOT / _LOADED_BY_NAME).glob("*.py"))]
     found: dict[str, pathlib.Path] = {}
     while waiting:
@@ -68,7 +73,7 @@ def code_of(path: pathlib.Path) -> str:
 def _path(module: str) -> pathlib.Path | None:
     """The file of a module of this package; None for another's, and for what is no module."""
     parts = module.split(".")
-    if parts[0] != "hqp_rp":
+    if parts[0] != "hqp_rp" or (module.startswith(_WRITES) and not module.startswith(_MEASURES)):
         return None
     base = ROOT.joinpath(*parts[1:])
     for path in (base.with_suffix(".py"), base / "__init__.py"):
