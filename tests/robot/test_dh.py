@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -127,6 +128,48 @@ def test_sawyer_in_the_distal_convention_stands_as_the_robot_does():
     assert rotation[2, 2] == pytest.approx(0.0, abs=1e-15)
     assert origin[2] == 0.317
     assert math.hypot(origin[0], origin[1]) == pytest.approx(0.081)
+
+
+# Origins of right_j0 ... right_j6 in the link before, of Rethink Robotics' sawyer_description: m, and quaternions w, x, y, z.
+_ROOT = math.sqrt(0.5)
+_TEN = math.radians(10.0) / 2.0
+_RETHINK = (
+    ((0.0, 0.0, 0.08), (1.0, 0.0, 0.0, 0.0)),
+    ((0.081, 0.05, 0.237), (0.5, -0.5, 0.5, 0.5)),
+    ((0.0, -0.14, 0.1425), (_ROOT, _ROOT, 0.0, 0.0)),
+    ((0.0, -0.042, 0.26), (_ROOT, -_ROOT, 0.0, 0.0)),
+    ((0.0, -0.125, -0.1265), (_ROOT, _ROOT, 0.0, 0.0)),
+    ((0.0, 0.031, 0.275), (_ROOT, -_ROOT, 0.0, 0.0)),
+    (
+        (0.0, -0.11, 0.1053),
+        (math.sin(_TEN) * _ROOT, math.sin(_TEN) * _ROOT, -math.cos(_TEN) * _ROOT, math.cos(_TEN) * _ROOT),
+    ),
+)
+
+
+def rethink(q):
+    """Orientation and origin of right_l6 at the manufacturer's joints q (7,)."""
+    R, p = np.eye(3), np.zeros(3)
+    for (origin, quaternion), angle in zip(_RETHINK, q, strict=True):
+        p = p + R @ np.array(origin)
+        turned = np.empty(9)
+        mujoco.mju_quat2Mat(turned, np.array(quaternion))
+        c, s = math.cos(angle), math.sin(angle)
+        R = R @ turned.reshape(3, 3) @ np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+    return R, p
+
+
+def test_table_1_is_the_chain_of_the_manufacturer():
+    arm, rng = sawyer(), np.random.default_rng(0)
+    sign = np.array((1, -1, 1, 1, 1, -1, 1))
+    zero = math.pi * np.array((1.0, 1.5, 1.0, 0.0, 1.0, 0.0, 0.0))
+    turns = []
+    for q in rng.uniform(-3.0, 3.0, (20, 7)):
+        R, p = rethink(q)
+        own_R, own_p = arm.pose(zero + sign * q, "tool")
+        np.testing.assert_allclose(own_p + own_R @ (0.0, -0.02375, 0.0), p, atol=1e-14)
+        turns.append(own_R.T @ R)
+    np.testing.assert_allclose(turns, [turns[0]] * 20, atol=1e-14)
 
 
 def test_sawyer_neutral_is_what_its_docstring_says():
