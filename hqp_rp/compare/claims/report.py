@@ -93,15 +93,16 @@ def study_claims(
     places = find_places()
     rows = run_trials(trials(places, quick=quick), folder, workers=workers, progress=progress)
     drawn = shown(places)
-    steps, figures = curves(drawn, folder)
-    _, fine = curves(halved(drawn), folder)
+    cores = workers or usable_cores()
+    steps, figures = curves(drawn, folder, workers=cores)
+    _, fine = curves(halved(drawn), folder, workers=cores)
     (folder.path / "results").mkdir(exist_ok=True)
     write_parquet(rows, folder.path / "results" / "trials.parquet")
     study = ClaimsStudy(rows, drawn, steps, figures, fine, places, quick)
     rendered: list[str] = []
     if films:
         rendered = _films(places, folder)
-    write_report(study.report(rendered), folder.path, workers=workers or usable_cores())
+    write_report(study.report(rendered), folder.path, workers=cores)
     return [f"{v.claim} {v.word}: {v.number or v.why}" for v in verdicts(rows)] + rendered
 
 

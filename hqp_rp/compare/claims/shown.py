@@ -22,6 +22,7 @@ from hqp_rp.compare.claims.methods import (
 from hqp_rp.compare.claims.trials import Trial, row
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.film import Shot
+from hqp_rp.compare.run import one_thread_each
 from hqp_rp.compare.run_folder import RunFolder, digest
 from hqp_rp.scenarios._interaction import DAMPED, PAPER, Interaction, Place
 from hqp_rp.scenarios.sawyer_force_tracking import AS_PRINTED, SawyerForceTracking
@@ -70,12 +71,20 @@ def halved(trials: Sequence[Trial]) -> list[Trial]:
     ]
 
 
-def curves(trials: Sequence[Trial], folder: RunFolder) -> tuple[list[pl.DataFrame], pl.DataFrame]:
-    """The steps of each run and the figures of all, made or kept in `folder`."""
+def curves(trials: Sequence[Trial], folder: RunFolder, *, workers: int = 1) -> tuple[list[pl.DataFrame], pl.DataFrame]:
+    """The steps of each run and the figures of all, made by `workers` processes or kept in `folder`."""
     keys = [digest("shown", trial.key) for trial in trials]
-    for trial, key in zip(trials, keys, strict=True):
-        if not folder.has(key):
-            folder.save(key, trial.steps())
+    left = [(trial, key) for trial, key in zip(trials, keys, strict=True) if not folder.has(key)]
+    if workers == 1:
+        found = map(Trial.steps, [trial for trial, _ in left])
+    else:
+        import joblib
+
+        with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
+            pool = joblib.Parallel(n_jobs=workers, return_as="generator", batch_size=1)
+            found = pool(joblib.delayed(Trial.steps)(trial) for trial, _ in left)
+    for (_, key), own in zip(left, found, strict=True):
+        folder.save(key, own)
     steps = [folder.load([key]) for key in keys]
     rows = [row(trial, own) for trial, own in zip(trials, steps, strict=True)]
     return steps, pl.DataFrame(rows, infer_schema_length=None)
