@@ -130,7 +130,7 @@ usable:
 environment:
 	@for python in $${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}; do \
 	  if "$$python" -c '$(NEW_ENOUGH)' >/dev/null 2>&1; then \
-	    echo "Setting up $(VENV) with $$("$$python" --version): about 1.5 GB, some minutes ..."; \
+	    echo "Setting up $(VENV) with $$("$$python" --version): about 1.7 GB, some minutes ..."; \
 	    rm -rf $(VENV); exec "$$python" -m venv $(VENV); \
 	  fi; \
 	done; \

@@ -27,6 +27,7 @@ _PICTURE = 900
 _TITLE_LETTERS = 22
 _TITLE_LINE = 17
 _LEGEND_LINE = 22
+_BUTTONS = 24
 
 # Ticks that nobody sees keep the labels of the abscissa clear of the lowest one of the ordinate.
 _LOWERED = {"ticks": "outside", "ticklen": 5, "tickcolor": "rgba(0,0,0,0)"}
@@ -117,7 +118,7 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
         figure.add_vline(x=at, line={"color": _GREY, "width": 1, "dash": "dot"})
         figure.add_annotation(
             x=math.log10(at) if chart.log_x else at, xref="x", y=1.0, yref="y domain", text=words, showarrow=False,
-            yshift=-14 * k,
+            yshift=-14 * k, bgcolor="rgba(255,255,255,0.7)",
             font={"size": 10, "color": _GREY}, xanchor="left" if chart.in_left_half(at) else "right", yanchor="top",
         )  # fmt: skip
     figure.update_layout(
@@ -130,8 +131,15 @@ def _lines(chart: Lines, styles: dict[str, Style]) -> Any:
 
 def _column_titles(columns: tuple[str, ...]) -> tuple[list[str], int]:
     """The titles on lines that a column of the least width has room for, and the pixels above the panels that they take."""
-    lines = [textwrap.wrap(title, _TITLE_LETTERS) or [""] for title in columns]
+    lines = [_wrapped(title) for title in columns]
     return ["<br>".join(title) for title in lines], 14 + _TITLE_LINE * max(map(len, lines))
+
+
+def _wrapped(title: str) -> list[str]:
+    """The title on as few lines as a column needs, of about equal length."""
+    lines = textwrap.wrap(title, _TITLE_LETTERS) or [""]
+    narrower = (textwrap.wrap(title, letters) for letters in range(-(-len(title) // len(lines)), _TITLE_LETTERS))
+    return next((found for found in narrower if len(found) == len(lines)), lines)
 
 
 def _label_below(figure: Any, words: str) -> None:
@@ -230,7 +238,7 @@ def _dots(chart: Dots, styles: dict[str, Style]) -> Any:
     _label_below(figure, chart.x_label)
     figure.update_yaxes(categoryorder="array", categoryarray=labels[::-1], gridcolor=_GRID,
                         range=[-0.7, len(labels) - 0.3])  # fmt: skip
-    head += _TITLE_LINE
+    head += _TITLE_LINE + _BUTTONS  # the line of `absent`, and plotly's buttons above the titles
     figure.update_layout(height=head + 70 + 24 * len(labels), margin={"l": 150, "r": 10, "t": head, "b": 50})
     return figure
 

@@ -173,9 +173,9 @@ def _jumps(summary: Summary) -> str:
             never.append(label)
             continue
         where = sigma_of_bins()[jumps > 0]
-        parts.append(
-            f"{label} {int(jumps.sum())} times, at sigma from {number(float(where.max()))} to {number(float(where.min()))}"
-        )
+        first, last = number(float(where.max())), number(float(where.min()))
+        often = counted(int(jumps.sum()), "time")
+        parts.append(f"{label} {often}, at sigma {'= ' + first if first == last else f'from {first} to {last}'}")
     words = f"Jumps: {'; '.join(parts)}. " if parts else ""
     return words + (f"No jump on any path: {listing(never)}." if never else "")
 

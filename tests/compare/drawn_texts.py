@@ -41,7 +41,7 @@ window.addEventListener("message", (event) => {
 </body>"""
 
 _MEASURE = """<script>
-const visible = (text) => text.textContent.trim() && !text.closest(".modebar, .hoverlayer");
+const visible = (text) => text.textContent.trim() && !text.closest(".hoverlayer");
 const box = (r) => [r.left, r.top, r.right, r.bottom];
 window.addEventListener("load", () => setTimeout(() => parent.postMessage({
   width: window.innerWidth,
@@ -52,6 +52,7 @@ window.addEventListener("load", () => setTimeout(() => parent.postMessage({
       frame: box(plot.querySelector(".svg-container").getBoundingClientRect()),
       words: [...plot.querySelectorAll("svg.main-svg text")].filter(visible)
         .map((text) => [text.textContent.replaceAll("\\u200b", ""), ...box(text.getBoundingClientRect())])
+        .concat([...plot.querySelectorAll(".modebar-group")].map((group) => ["buttons", ...box(group.getBoundingClientRect())]))
         .filter(([, left, , right]) => right > left),
     })),
   },
