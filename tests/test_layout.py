@@ -98,6 +98,10 @@ def test_importing_the_library_stays_light() -> None:
 # --- what is installed ----------------------------------------------------------------------------------------------
 
 
+compiles = pytest.mark.timeout(900)
+"""The core is compiled: minutes on a machine that does other work too."""
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with an sdist, and with a wheel made from that sdist, both built offline."""
@@ -124,6 +128,7 @@ def _files_to_ship(native: bool = False) -> set[str]:
     return found
 
 
+@compiles
 def test_wheel_holds_every_file(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     held = set(zipfile.ZipFile(wheel).namelist())
@@ -134,6 +139,7 @@ def test_wheel_holds_every_file(built: Path) -> None:
     assert not {name for name in held if name.split("/")[0] not in {"hqp_rp", f"hqp_rp-{hqp_rp.__version__}.dist-info"}}
 
 
+@compiles
 def test_sdist_holds_every_file(built: Path) -> None:
     (sdist,) = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
@@ -142,6 +148,7 @@ def test_sdist_holds_every_file(built: Path) -> None:
     assert {"LICENSE", "README.md", "pyproject.toml"} <= held
 
 
+@compiles
 def test_wheel_works(built: Path, tmp_path: Path) -> None:
     (wheel,) = built.glob("*.whl")
     zipfile.ZipFile(wheel).extractall(tmp_path)
@@ -165,6 +172,7 @@ def test_wheel_works(built: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@compiles
 def test_numpy_is_all_that_is_required(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     archive = zipfile.ZipFile(wheel)
