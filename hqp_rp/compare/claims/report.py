@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import pathlib
 from collections.abc import Sequence
 
 import polars as pl
 
-from hqp_rp.compare.chart import Chart
+from hqp_rp.compare.chart import Chart, Picture
 from hqp_rp.compare.claims.charts import Curves, chart_styles, evidence
 from hqp_rp.compare.claims.experiments import POSTURES, SEEDS, Places, find_places, trials
 from hqp_rp.compare.claims.methods import FIXED, SWEPT, method
@@ -52,9 +53,9 @@ class ClaimsStudy:
     places: Places
     quick: bool = False
 
-    def report(self, films: Sequence[str] = ()) -> Report:
-        """The report as data; `films` is what `film_all` returned."""
-        return _report(self, films)
+    def report(self, films: Sequence[str] = (), folder: pathlib.Path | None = None) -> Report:
+        """The report as data; `films` is what `film_all` returned for the folder, whose stills are shown."""
+        return _report(self, films, folder)
 
 
 def study_claims(
@@ -102,7 +103,7 @@ def study_claims(
     rendered: list[str] = []
     if films:
         rendered = _films(places, folder)
-    write_report(study.report(rendered), folder.path, workers=cores)
+    write_report(study.report(rendered, folder.path / "films"), folder.path, workers=cores)
     return [f"{v.claim} {v.word}: {v.number or v.why}" for v in verdicts(rows)] + rendered
 
 
@@ -112,7 +113,7 @@ def _films(places: Places, folder: RunFolder) -> list[str]:
     return film_all(films(places), folder.path / "films")
 
 
-def _report(study: ClaimsStudy, films: Sequence[str]) -> Report:
+def _report(study: ClaimsStudy, films: Sequence[str], folder: pathlib.Path | None) -> Report:
     judged = verdicts(study.rows)
     charts = evidence(Study(study.rows), Curves(study.shown, study.steps))
     every = [chart for own in charts.values() for chart in own]
@@ -124,7 +125,7 @@ def _report(study: ClaimsStudy, films: Sequence[str]) -> Report:
         Section("How it was tested", _method(study), listed=True),
         Section("The verdicts", sections=tuple(_verdict(v) for v in judged)),
         Section("Figures", sections=tuple(Section(title, charts=tuple(own)) for title, own in charts.items())),
-        Section("Films", _film_words(films), listed=True),
+        _film_section(films, folder),
         Section("Half the time step", tables=(_halved(study),)),
         Section("Settings", tables=_settings(study)),
     )
@@ -219,21 +220,26 @@ def _method(study: ClaimsStudy) -> tuple[str, ...]:
     )
 
 
-def _film_words(films: Sequence[str]) -> tuple[str, ...]:
-    if not films:
-        return ("None was asked for.",)
-    words = {
-        "conflict": "force against a point out of reach: reverse priority (T_k damped) and the pseudo-inverse",
-        "wipe": "through a singularity: reverse priority as printed and with T_k damped",
-        "wall": "the wall with the paper's numbers and well damped",
-        "wall_near_singular": "the wall beside a singularity: reverse priority (T_k damped) and the pseudo-inverse",
-    }
-    return tuple(
-        f"films/{name}: {words[name.removesuffix('.webp')]}; side by side, in real time."
-        if name.endswith(".webp")
-        else name
-        for name in films
+_FILMS = {
+    "conflict": "Force against a point out of reach: reverse priority (T_k damped) and the pseudo-inverse",
+    "wipe": "Through a singularity: reverse priority as printed and with T_k damped",
+    "wall": "The wall with the paper's numbers and well damped",
+    "wall_near_singular": "The wall beside a singularity: reverse priority (T_k damped) and the pseudo-inverse",
+}
+
+
+def _film_section(films: Sequence[str], folder: pathlib.Path | None) -> Section:
+    """A still of each film that is there, at the moment at which its runs differ most; else why there is none."""
+    stills = []
+    for name in (film.removesuffix(".webp") for film in films if film.endswith(".webp")):
+        still = None if folder is None else folder / f"{name}.png"
+        if still is not None and still.exists():
+            caption = f"A still of films/{name}.webp: side by side, in real time, at the moment at which the forces differ most."
+            stills.append(Picture(f"film-{name.replace('_', '-')}", _FILMS[name], caption, still.read_bytes()))
+    words = tuple(words for words in films if not words.endswith(".webp")) or (
+        () if films else ("None was asked for.",)
     )
+    return Section("Films", words, charts=tuple(stills))
 
 
 def _halved(study: ClaimsStudy) -> Table:

@@ -135,3 +135,12 @@ def test_drawn_runs_are_halved_and_films_set_methods_side_by_side() -> None:
     assert all(len(shots) == 2 for shots in found.values())
     assert all(a.scenario == b.scenario for a, b in found.values())
     assert all(a.title != b.title for a, b in found.values())
+
+
+def test_a_film_is_shown_by_its_still_and_a_missing_one_by_the_reason(tmp_path: pathlib.Path) -> None:
+    (tmp_path / "wall.png").write_bytes(b"still")
+    section = module._film_section(["wall.webp", "wipe.webp", "No film: no GL."], tmp_path)
+    assert [(chart.name, chart.png) for chart in section.charts] == [("film-wall", b"still")]  # type: ignore[union-attr]
+    assert section.sentences == ("No film: no GL.",)
+    assert module._film_section((), None).sentences == ("None was asked for.",)
+    assert set(films(places(1))) == set(module._FILMS)
