@@ -234,7 +234,7 @@ def _film_section(films: Sequence[str], folder: pathlib.Path | None) -> Section:
     for name in (film.removesuffix(".webp") for film in films if film.endswith(".webp")):
         still = None if folder is None else folder / f"{name}.png"
         if still is not None and still.exists():
-            caption = f"A still of films/{name}.webp: side by side, in real time, at the moment at which the forces differ most."
+            caption = f"A still of films/{name}.webp (side by side, in real time) where the forces differ most."
             stills.append(Picture(f"film-{name.replace('_', '-')}", _FILMS[name], caption, still.read_bytes()))
     words = tuple(words for words in films if not words.endswith(".webp")) or (
         () if films else ("None was asked for.",)
