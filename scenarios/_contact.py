@@ -127,13 +127,14 @@ class ContactArm:
         self._axes = tuple(walls)
         self._places = np.array([walls[axis] for axis in self._axes], dtype=np.float64)
         self._normals = normals
-        self._readings: collections.deque[FloatArray] = collections.deque(maxlen=delay + 1)
+        self._readings: collections.deque[tuple[FloatArray, FloatArray | None]] = collections.deque(maxlen=delay + 1)
         self._make_walls()
 
     def _make_walls(self) -> None:
         model, s = self.robot.model, self.surface
         self._row_of_geom = {model.geom(f"wall {axis}").id: i for i, axis in enumerate(self._axes)}
         self._tool = model.site("tool").id
+        self._tip = self.robot.data.site_xpos[self._tool]
         last = self._last = int(model.geom("ball").bodyid[0])
         inverse = float(model.body_invweight0[last, 0])
         d = s.mass * inverse / (1.0 + s.mass * inverse)  # R = (1 - d) / d * inverse = 1 / M_e
@@ -161,7 +162,8 @@ class ContactArm:
         """
         reading = np.zeros(6)
         if len(self._readings) == self._readings.maxlen:
-            reading[:3] = self._readings[0]
+            force, along = self._readings[0]
+            reading[:3] = force.dot(self._normals) if along is None else force.dot(self._normals) + along
         return reading
 
     def push(self, wrench: FloatArray) -> None:
@@ -197,18 +199,19 @@ class ContactArm:
     def _sample(self) -> tuple[FloatArray, FloatArray]:
         """Depth in m and force in N for each wall, at the state that MuJoCo computed last; it is read as well."""
         data = self.robot.data
-        depth: FloatArray = self._normals @ data.site_xpos[self._tool] - self._places
-        force, reading = np.zeros(len(self._axes)), np.zeros(3)
-        contact = data.contact
+        depth: FloatArray = self._normals.dot(self._tip) - self._places
+        force, along = np.zeros(len(self._axes)), None
         if data.ncon:
-            for i, (geoms, address) in enumerate(zip(contact.geom.tolist(), contact.efc_address.tolist(), strict=True)):
-                if address >= 0:
+            contact, rough = data.contact, self.surface.friction > 0.0
+            addresses = contact.efc_address.tolist()
+            for i, geoms in enumerate(contact.geom.tolist()):
+                if addresses[i] >= 0:
                     row = self._row_of_geom.get(geoms[0], self._row_of_geom.get(geoms[1]))
-                    force[row] = data.efc_force[address]
-                    if self.surface.friction:
-                        reading += self._sliding(i, geoms[0])
-        reading += force @ self._normals
-        self._readings.append(reading)
+                    force[row] = data.efc_force[addresses[i]]
+                    if rough:
+                        sliding = self._sliding(i, geoms[0])
+                        along = sliding if along is None else along + sliding
+        self._readings.append((force, along))
         return depth, force
 
     def _sliding(self, i: int, first: int) -> FloatArray:

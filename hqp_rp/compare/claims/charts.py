@@ -28,6 +28,7 @@ from hqp_rp.compare.claims.experiments import (
     WIPE,
 )
 from hqp_rp.compare.claims.ideal import delay_margin, ideal_contact
+from hqp_rp.compare.claims.judges import Study, force_error
 from hqp_rp.compare.claims.methods import (
     CASCADE,
     CLASSICAL,
@@ -48,7 +49,6 @@ from hqp_rp.compare.claims.methods import (
     WITHIN_LIMITS,
 )
 from hqp_rp.compare.claims.trials import Trial
-from hqp_rp.compare.claims.verdicts import Study, force_error
 from hqp_rp.compare.report import number
 from hqp_rp.control._checks import TWIST_AXES
 from hqp_rp.core.problem import FloatArray

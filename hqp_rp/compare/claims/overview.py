@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from hqp_rp.compare.chart import Chart, Grid, Lines, Picture, Style
-from hqp_rp.compare.claims.verdicts import DEPENDS, FAILS, HOLDS, UNRULED, Verdict
+from hqp_rp.compare.claims.judges import FAILS
+from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict
 
 _COLOURS = {HOLDS: "#0072B2", DEPENDS: "#E69F00", FAILS: "#D55E00", UNRULED: "#999999"}
 _THUMBNAILS = {

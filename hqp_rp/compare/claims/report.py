@@ -12,6 +12,7 @@ import polars as pl
 from hqp_rp.compare.chart import Chart, Picture
 from hqp_rp.compare.claims.charts import Curves, chart_styles, evidence
 from hqp_rp.compare.claims.experiments import POSTURES, SEEDS, Places, find_places, trials
+from hqp_rp.compare.claims.judges import FAILS, Study
 from hqp_rp.compare.claims.methods import FIXED, SWEPT, method
 from hqp_rp.compare.claims.outcomes import FACTOR, HALF, MOST
 from hqp_rp.compare.claims.overview import overview
@@ -19,7 +20,7 @@ from hqp_rp.compare.claims.places import LEAST_SIGMA, ROOM
 from hqp_rp.compare.claims.shown import curves, films, halved, shown
 from hqp_rp.compare.claims.sources import digest_of_sources
 from hqp_rp.compare.claims.trials import Trial, run_trials
-from hqp_rp.compare.claims.verdicts import DEPENDS, FAILS, HOLDS, UNRULED, Study, Verdict, verdicts
+from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict, verdicts
 from hqp_rp.compare.machine import machine, usable_cores, versions
 from hqp_rp.compare.report import Opening, Report, Section, Table, number, share, write_report
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
@@ -82,17 +83,16 @@ def study_claims(
     Raises:
         FileError: `output` holds another run's report or foreign files, or cannot be written.
     """
-    description = {
-        "kind": "claims",
-        "study": "short" if quick else "full",
-        "postures": POSTURES,
-        "seeds": SEEDS,
-        "sources": digest_of_sources(),
-        "versions": versions(),
-    }
+    # How a report is drawn makes no other study of it: the digest stands for the package's own version.
+    others = {name: version for name, version in versions().items() if name != "hqp_rp"}
+    made_with = {"sources": digest_of_sources(), "versions": others}
+    study_of = {"kind": "claims", "study": "short" if quick else "full", "postures": POSTURES, "seeds": SEEDS}
+    description = study_of | made_with
     folder = RunFolder(output, description, files=FILES, overwrite=overwrite)
     places = find_places()
-    rows = run_trials(trials(places, quick=quick), folder, workers=workers, progress=progress)
+    rows = run_trials(
+        trials(places, quick=quick), folder, made_with=repr(made_with), workers=workers, progress=progress
+    )
     drawn = shown(places)
     cores = workers or usable_cores()
     steps, figures = curves(drawn, folder, workers=cores)

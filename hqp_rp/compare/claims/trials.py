@@ -13,7 +13,7 @@ import polars as pl
 from hqp_rp.compare.claims.contact_figures import case_steps, contact_figures
 from hqp_rp.compare.claims.methods import Method
 from hqp_rp.compare.claims.response_figures import push_figures, tracking_figures
-from hqp_rp.compare.machine import usable_cores, versions
+from hqp_rp.compare.machine import usable_cores
 from hqp_rp.compare.run import one_thread_each, progress_bar
 from hqp_rp.compare.run_folder import RunFolder, digest
 from hqp_rp.scenarios._interaction import Interaction, Place
@@ -110,8 +110,13 @@ def _figures(trial: Trial, steps: pl.DataFrame) -> dict[str, Any]:
     return found
 
 
-def run_trials(trials: Sequence[Trial], folder: RunFolder, *, workers: int | None, progress: bool) -> pl.DataFrame:
-    """A row for each trial, in their order; blocks of them are kept in `folder` as soon as they are finished."""
+def run_trials(
+    trials: Sequence[Trial], folder: RunFolder, *, made_with: str = "", workers: int | None, progress: bool
+) -> pl.DataFrame:
+    """A row for each trial, in their order; blocks of them are kept in `folder` as soon as they are finished.
+
+    Blocks that were kept with another `made_with`, versions for instance, are made anew.
+    """
     ordered = sorted(range(len(trials)), key=lambda i: -trials[i].length)  # long ones first: no core waits at the end
     blocks: list[list[Trial]] = []
     room = 0
@@ -121,8 +126,7 @@ def run_trials(trials: Sequence[Trial], folder: RunFolder, *, workers: int | Non
             room = max(_BLOCK, trials[i].length)
         blocks[-1].append(trials[i])
         room -= trials[i].length
-    known = repr(sorted(versions().items()))
-    keys = [digest(known, *(trial.key for trial in block)) for block in blocks]
+    keys = [digest(made_with, *(trial.key for trial in block)) for block in blocks]
     left = [i for i, key in enumerate(keys) if not folder.has(key)]
     lengths = [sum(trial.length for trial in block) for block in blocks]
     with progress_bar(progress, sum(lengths), sum(lengths) - sum(lengths[i] for i in left), "periods") as advance:
