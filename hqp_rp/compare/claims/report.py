@@ -156,8 +156,8 @@ def _claims(judged: Sequence[Verdict]) -> Table:
         "The claims",
         ("claim", "where", "verdict", "the one number"),
         tuple((v.claim, v.where, v.word, v.number or v.why) for v in judged),
-        "Holds, does not hold: under every condition. Depends: under some; the sections below say which. Intervals: 95 %, "
-        "bootstrap over the postures.",
+        "Holds: under every condition. Does not hold: under none, or refuted by algebra. Depends: under some; the sections "
+        "below say which. Intervals: 95 %, bootstrap over the postures.",
         text=frozenset(range(4)),
     )
 
@@ -224,7 +224,7 @@ _FILMS = {
     "conflict": "Force against a point out of reach: reverse priority (T_k damped) and the pseudo-inverse",
     "wipe": "Through a singularity: reverse priority as printed and with T_k damped",
     "wall": "The wall with the paper's numbers and well damped",
-    "wall_near_singular": "The wall beside a singularity: reverse priority (T_k damped) and the pseudo-inverse",
+    "wall_near_singular": "The wall beside a singularity: reverse priority (T_k damped) and the undamped pseudo-inverse",
 }
 
 
