@@ -169,7 +169,7 @@ def claims(
         quick: the short study of some three minutes; what it does not run it does not rule on.
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
-        films: render short films too, where a GL back end is there.
+        films: render short films too, where a GL back end is there; the short study has none.
     """
     from hqp_rp.compare.claims.report import study_claims
 

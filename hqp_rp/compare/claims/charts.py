@@ -498,7 +498,7 @@ def evidence(study: Study, curves: Curves) -> dict[str, list[Chart]]:
     has = study.has
     found: dict[str, list[Chart]] = {
         "Pushed": [push_curves(curves), *([push_dots(study)] if has(PUSH) else [])],
-        "Tracking": [tracking_curves(curves), *([bode(study)] if has(SWEEP_OF_SINES) else [])],
+        "Tracking": [tracking_curves(curves), bode(study)] if has(SWEEP_OF_SINES) else [],
         "At the wall": [wall_curves(curves)],
         "Beside singularities": [near_curves(curves, name) for name in _CURVES],
         "Three levels": [tilted_curves(curves), *([three_levels(study)] if has(WIPE, CONFLICT) else [])],

@@ -54,7 +54,7 @@ LIMITED_CORNER, LIMITED_CONFLICT = "corner, hard limits", "conflict, hard limits
 NEAR = (CORNER, WALL_NEAR, WIPE_NEAR, CONFLICT_NEAR)
 
 SHORT_STUDY = (PUSH, TRACK_FAST, MEET, CORNER, WIPE_NEAR, CONFLICT_NEAR, HYBRID)
-"""Experiments of the short study; those near a singularity take part with fewer methods."""
+"""Experiments of the short study; near singularities only reverse priority takes part."""
 
 _COARSE: dict[str, Any] = {"substeps": 4}
 
@@ -81,7 +81,7 @@ def find_places(count: int = POSTURES) -> Places:
 
 def trials(places: Places, *, quick: bool = False) -> list[Trial]:
     """Every run of the study; the short one has fewer experiments, and fewer methods near singularities."""
-    found = [*_two_levels(places), *_near(places, quick), *_three_levels(places)]
+    found = [*_two_levels(places, quick), *_near(places, quick), *_three_levels(places)]
     if quick:
         return [trial for trial in found if trial.experiment in SHORT_STUDY]
     return found + list(_maps(places))
@@ -97,11 +97,11 @@ def _over(
                 yield Trial(experiment, scenario, own, place, i, who, 1 + i % SEEDS)
 
 
-def _two_levels(places: Places) -> Iterator[Trial]:
+def _two_levels(places: Places, quick: bool) -> Iterator[Trial]:
     reverse, both = [method(REVERSE)], (PAPER, DAMPED)
     for servo in (1.0, STIFF_SERVO):
-        for first in ("x", "rotation"):
-            for travel in (0.0, 0.1):
+        for first in ("x",) if quick else ("x", "rotation"):
+            for travel in (0.0,) if quick else (0.0, 0.1):
                 push = SawyerPushResponse(duration=2.0, servo=servo, first=first, travel=travel, **_COARSE)
                 yield from _over(PUSH, push, (PAPER,), places.regular, reverse)
                 yield from _over(PUSH, push, (PAPER,), places.corner, reverse)
@@ -125,7 +125,7 @@ def _two_levels(places: Places) -> Iterator[Trial]:
 def _near(places: Places, quick: bool) -> Iterator[Trial]:
     """Beside the singularities: every method in the well-damped set; in the paper's, reverse priority alone."""
     swept = line_up()
-    few = [method(label) for label in (REVERSE, REVERSE_DAMPED, NULL_SPACE, NULL_DAMPED, CLASSICAL, DLS)]
+    own_two = [method(label) for label in (REVERSE, REVERSE_DAMPED)]
     where: tuple[tuple[str, Interaction, Sequence[Place]], ...] = (
         (CORNER, SawyerForceTracking(duration=1.5, **_COARSE), places.corner),
         (WALL_NEAR, SawyerWallContact(duration=1.5, **_COARSE), places.corner),
@@ -133,9 +133,9 @@ def _near(places: Places, quick: bool) -> Iterator[Trial]:
         (CONFLICT_NEAR, SawyerPriorityConflict(duration=2.0, **_COARSE), places.conflict),
     )
     for name, scenario, own in where:
-        yield from _over(name, scenario, (DAMPED,), own, few if quick else swept)
+        yield from _over(name, scenario, (DAMPED,), own, own_two if quick else swept)
         if not quick:
-            yield from _over(name, scenario, (PAPER,), own, few[:2])
+            yield from _over(name, scenario, (PAPER,), own, own_two)
     if quick:
         return
     within = [method(label) for label in WITHIN_LIMITS]

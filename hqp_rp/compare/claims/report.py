@@ -77,7 +77,7 @@ def study_claims(
         quick: the short study: fewer experiments; claims that need the others are not ruled on.
         overwrite: replace the report of another run in `output`.
         workers: processes; None means one for each usable core.
-        films: render short films too, where a GL back end is there.
+        films: render short films too, where a GL back end is there; the short study has none.
         progress: show a progress bar with the time left on standard error.
 
     Raises:
@@ -93,15 +93,15 @@ def study_claims(
     rows = run_trials(
         trials(places, quick=quick), folder, made_with=repr(made_with), workers=workers, progress=progress
     )
-    drawn = shown(places)
+    drawn = shown(places, quick=quick)
     cores = workers or usable_cores()
     steps, figures = curves(drawn, folder, workers=cores)
-    _, fine = curves(halved(drawn), folder, workers=cores)
+    fine = figures if quick else curves(halved(drawn), folder, workers=cores)[1]
     (folder.path / "results").mkdir(exist_ok=True)
     write_parquet(rows, folder.path / "results" / "trials.parquet")
     study = ClaimsStudy(rows, drawn, steps, figures, fine, places, quick)
     rendered: list[str] = []
-    if films:
+    if films and not quick:
         rendered = _films(places, folder)
     write_report(study.report(rendered, folder.path / "films"), folder.path, workers=cores)
     return [f"{v.claim} {v.word}: {v.number or v.why}" for v in verdicts(rows)] + rendered
@@ -126,7 +126,7 @@ def _report(study: ClaimsStudy, films: Sequence[str], folder: pathlib.Path | Non
         Section("The verdicts", sections=tuple(_verdict(v) for v in judged)),
         Section("Figures", sections=tuple(Section(title, charts=tuple(own)) for title, own in charts.items())),
         _film_section(films, folder),
-        Section("Half the time step", tables=(_halved(study),)),
+        *(() if study.quick else (Section("Half the time step", tables=(_halved(study),)),)),
         Section("Settings", tables=_settings(study)),
     )
     return Report(
@@ -237,7 +237,7 @@ def _film_section(films: Sequence[str], folder: pathlib.Path | None) -> Section:
             caption = f"A still of films/{name}.webp (side by side, in real time) where the forces differ most."
             stills.append(Picture(f"film-{name.replace('_', '-')}", _FILMS[name], caption, still.read_bytes()))
     words = tuple(words for words in films if not words.endswith(".webp")) or (
-        () if films else ("None was asked for.",)
+        () if films else ("There are none in this run.",)
     )
     return Section("Films", words, charts=tuple(stills))
 

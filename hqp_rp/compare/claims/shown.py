@@ -37,15 +37,16 @@ TILTED = "tilted wipe"
 _WHO = (REVERSE, REVERSE_DAMPED, NULL_SPACE, NULL_DAMPED, CLASSICAL, DLS)
 
 
-def shown(places: Places) -> list[Trial]:
-    """The runs, without noise and offset; the first place of each kind."""
+def shown(places: Places, *, quick: bool = False) -> list[Trial]:
+    """The runs, without noise and offset; the first place of each kind. Two periods of (54) are not in a short study."""
     regular = places.regular[0]
     found = [
         _trial(PUSHED, SawyerPushResponse(duration=2.0, servo=servo), PAPER, regular, method(REVERSE))
         for servo in (1.0, STIFF_SERVO)
     ]
     tracking = SawyerForceTracking(duration=2.0 / AS_PRINTED + 0.5, substeps=4)
-    found += [_trial(TRACKED, tracking, gains, regular, method(REVERSE)) for gains in (PAPER, DAMPED)]
+    if not quick:
+        found += [_trial(TRACKED, tracking, gains, regular, method(REVERSE)) for gains in (PAPER, DAMPED)]
     for servo in (1.0, 10.0):
         meet = SawyerWallContact(duration=2.0, servo=servo)
         found += [_trial(MET, meet, gains, regular, method(REVERSE)) for gains in (PAPER, DAMPED)]

@@ -30,7 +30,7 @@ def short(trial: Trial) -> Trial:
 
 
 def made(rows: pl.DataFrame, *, quick: bool = False) -> Report:
-    drawn = [short(trial) for trial in shown(places(1))]
+    drawn = [short(trial) for trial in shown(places(1), quick=quick)]
     steps = [trial.steps() for trial in drawn]
     figures = pl.DataFrame([row(t, s) for t, s in zip(drawn, steps, strict=True)], infer_schema_length=None)
     return ClaimsStudy(rows, drawn, steps, figures, figures, places(2), quick).report()
@@ -111,7 +111,9 @@ def test_a_study_is_resumed_and_says_what_it_was_made_with(
         return [found["push"], found["tilted wipe"]]
 
     monkeypatch.setattr(module, "trials", few)
-    monkeypatch.setattr(module, "shown", lambda places: [short(trial) for trial in shown(places)])
+    monkeypatch.setattr(
+        module, "shown", lambda places, *, quick: [short(trial) for trial in shown(places, quick=quick)]
+    )
     monkeypatch.setattr(module, "evidence", lambda study, curves: {})
     monkeypatch.setattr(module, "verdicts", lambda rows: verdicts(rows.filter(pl.col("experiment") == "none")))
     out = tmp_path / "out"
@@ -142,5 +144,5 @@ def test_a_film_is_shown_by_its_still_and_a_missing_one_by_the_reason(tmp_path: 
     section = module._film_section(["wall.webp", "wipe.webp", "No film: no GL."], tmp_path)
     assert [(chart.name, chart.png) for chart in section.charts] == [("film-wall", b"still")]  # type: ignore[union-attr]
     assert section.sentences == ("No film: no GL.",)
-    assert module._film_section((), None).sentences == ("None was asked for.",)
+    assert module._film_section((), None).sentences == ("There are none in this run.",)
     assert set(films(places(1))) == set(module._FILMS)
