@@ -73,10 +73,10 @@ class Touch:
 class ContactArm:
     """The arm of `arm_spec` with a ball at its tool, and a flat wall across each of the given axes, on its positive side.
 
-    The contact is MuJoCo's own; where the surface has friction, with an elliptic cone. Its constraint obeys `R f = a_ref - a`, a_ref = -b r' - k r with the
-    depth r counted negative; with the regularization R = 1 / M_e, k = K_e / M_e and b = B_e / M_e that is exactly
-    `Surface`'s law. So `solref` and `solimp` follow from K_e, B_e, M_e and the model's inverse weight of the last link,
-    and nothing is tuned. Only the ball touches the walls.
+    The contact is MuJoCo's own; where the surface has friction, with an elliptic cone. Its constraint obeys
+    `R f = a_ref - a`, a_ref = -b r' - k r with the depth r counted negative; with the regularization R = 1 / M_e, k = K_e
+    / M_e and b = B_e / M_e that is exactly `Surface`'s law. So `solref` and `solimp` follow from K_e, B_e, M_e and
+    the model's inverse weight of the last link, and nothing is tuned. Only the ball touches the walls.
 
     Args:
         arm: the arm. timestep: s, of the simulation.
@@ -87,7 +87,14 @@ class ContactArm:
     """
 
     def __init__(
-        self, arm: DHArm, timestep: float, walls: Mapping[str, float], surface: Surface, *, delay: int = 0, tilt: float = 0.0
+        self,
+        arm: DHArm,
+        timestep: float,
+        walls: Mapping[str, float],
+        surface: Surface,
+        *,
+        delay: int = 0,
+        tilt: float = 0.0,
     ) -> None:
         spec = arm_spec(arm, timestep=timestep)
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960

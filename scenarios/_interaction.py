@@ -135,8 +135,8 @@ class Interaction(Scenario):
         duration: s, of one case; rounded to whole periods. period: s between two solves. substeps: simulation steps in one.
         stiffness, wall_damping, wall_mass: K_e, B_e, M_e of `Surface`.
         damping_ratio: > 0, of the second set. noise: N, >= 0. spread: rad, >= 0.
-        friction: >= 0, Coulomb coefficient of the walls. delay: s, >= 0, age of the force reading, rounded to whole steps of the
-            simulation. servo: > 0, factor on the gains of the arm's velocity servos.
+        friction: >= 0, Coulomb coefficient of the walls. delay: s, >= 0, age of the force reading, rounded to whole steps of
+            the simulation. servo: > 0, factor on the gains of the arm's velocity servos.
         hard_limits: the velocity limits are hard rows of the stack, for solvers that take them, and nothing is shortened.
         recovery: s, >= 0, the references' anti-windup, None for none; see `Reference`.
 

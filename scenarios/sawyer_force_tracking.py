@@ -13,7 +13,6 @@ from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
 from hqp_rp.scenarios._interaction import LOWER_AXES, Case, Experiment, Interaction, first_axis_cases, turn
 
-
 AS_PRINTED = 1.0 / (2.0 * math.pi**2)
 """Hz, of sin(t / pi)."""
 
@@ -22,8 +21,8 @@ AS_PRINTED = 1.0 / (2.0 * math.pi**2)
 class SawyerForceTracking(Interaction):
     """The paper's 5.1: force control everywhere, x first, y, z and the orientation second, in a corner of two walls.
 
-    F_d = 30 + 5 sin(t / pi) N in x and in y, (54), 0 elsewhere, where nothing is touched. The ball starts at rest, touching both
-    walls without force. Both levels are `ForceReference`s: reverse priority then is (42), and any other solver its
+    F_d = 30 + 5 sin(t / pi) N in x and in y, (54), 0 elsewhere, where nothing is touched. The ball starts at rest, touching
+    both walls without force. Both levels are `ForceReference`s: reverse priority then is (42), and any other solver its
     classical counterpart. See `Interaction` for cases, settings and measured figures; "near singular" is where the second
     level is about to lose the direction (-0.89, -0.36, -0.16) of y, z, rx (and a little of the rest) beside the first, so
     the force in y asks for much joint motion.
@@ -50,7 +49,9 @@ class SawyerForceTracking(Interaction):
     def __post_init__(self) -> None:
         self._require("amplitude", lambda value: value >= 0.0, ">= 0")
         if not self.frequencies or not all(0.0 < f < math.inf for f in self.frequencies):
-            raise SettingError(f"frequencies of {self.name} is {self.frequencies!r}; give one or more, in Hz, each > 0.")
+            raise SettingError(
+                f"frequencies of {self.name} is {self.frequencies!r}; give one or more, in Hz, each > 0."
+            )
         super().__post_init__()
 
     def desired(self, t: float) -> float:
@@ -65,8 +66,12 @@ class SawyerForceTracking(Interaction):
 
     def experiment(self, case: Case, robot: Robot) -> Experiment:
         gains = self.gains(case, "xy")
-        first = ForceReference("tool", gains.M_d[:1], gains.B_d[:1], axes=("x",), recovery=self.recovery, name="force x")
-        lower = ForceReference("tool", gains.M_d[1:], gains.B_d[1:], axes=LOWER_AXES, recovery=self.recovery, name="force y, z and torque")
+        first = ForceReference(
+            "tool", gains.M_d[:1], gains.B_d[:1], axes=("x",), recovery=self.recovery, name="force x"
+        )
+        lower = ForceReference(
+            "tool", gains.M_d[1:], gains.B_d[1:], axes=LOWER_AXES, recovery=self.recovery, name="force y, z and torque"
+        )
         R_0, p_0 = robot.pose("tool")
 
         def update(t: float) -> None:
@@ -80,4 +85,3 @@ class SawyerForceTracking(Interaction):
         return Experiment(
             self.stack(first, lower), update, lambda t: {"x": self.desired(t), "y": self.desired(t)}, errors
         )
-

@@ -116,7 +116,7 @@ class SawyerHybridWipe(Interaction):
         """The references of a case."""
         arm, steps = self.arm(), self.periods()
         center, direction, axis = case.middle, case.direction, case.axis
-        assert center is not None and direction is not None and axis is not None
+        assert center is not None and direction is not None and axis is not None  # noqa: PT018
         share = np.arange(steps + 1) / steps
         q: FloatArray = center - self.reach * np.cos(math.pi * share)[:, None] * direction
         wall = arm.pose(center, "tool")[1][0]
@@ -137,9 +137,15 @@ class SawyerHybridWipe(Interaction):
         gains, wipe, period = self.gains(case, "x"), self.wipe(case), self.period
         start = (wipe.rotation[0], wipe.position[0])
         M, B, K, back = gains.M_d, gains.B_d, gains.K_d, self.recovery
-        press = HybridReference("tool", start, M[:1], B[:1], K[:1], [0.0], self.force, axes=("x",), recovery=back, name="force x")
-        follow = HybridReference("tool", start, M[1:3], B[1:3], K[1:3], [1.0, 1.0], axes=("y", "z"), recovery=back, name="path y, z")
-        point = ImpedanceReference("tool", start, M[3:], B[3:], K[3:], axes=("rx", "ry", "rz"), recovery=back, name="orientation")
+        press = HybridReference(
+            "tool", start, M[:1], B[:1], K[:1], [0.0], self.force, axes=("x",), recovery=back, name="force x"
+        )
+        follow = HybridReference(
+            "tool", start, M[1:3], B[1:3], K[1:3], [1.0, 1.0], axes=("y", "z"), recovery=back, name="path y, z"
+        )
+        point = ImpedanceReference(
+            "tool", start, M[3:], B[3:], K[3:], axes=("rx", "ry", "rz"), recovery=back, name="orientation"
+        )
 
         def pose(t: float) -> tuple[FloatArray, FloatArray]:
             k = min(round(t / period), len(wipe.q) - 1)

@@ -124,7 +124,9 @@ class SawyerPriorityConflict(Interaction):
         back = self.recovery
         press = ForceReference("tool", M[:1], B[:1], self.force, axes=("x",), recovery=back, name="force x")
         start = robot.pose("tool")[1]
-        follow = ImpedanceReference("tool", start, M[1:3], B[1:3], K[1:3], axes=("y", "z"), recovery=back, name="impedance y, z")
+        follow = ImpedanceReference(
+            "tool", start, M[1:3], B[1:3], K[1:3], axes=("y", "z"), recovery=back, name="impedance y, z"
+        )
         posture = PostureTask(robot.q, gain=self.posture_gain)
 
         def update(t: float) -> None:

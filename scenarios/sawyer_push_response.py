@@ -86,9 +86,7 @@ class SawyerPushResponse(Interaction):
             rows = [TWIST_AXES.index(axis) for axis in own]
             M, B, K = gains.M_d[rows], gains.B_d[rows], gains.K_d[rows]
             name = f"impedance {' '.join(own)}"
-            levels.append(
-                ImpedanceReference("tool", start, M, B, K, axes=own, recovery=self.recovery, name=name)
-            )
+            levels.append(ImpedanceReference("tool", start, M, B, K, axes=own, recovery=self.recovery, name=name))
         ideal = self.ideal(AdmittanceLaw(6, gains.M_d, gains.B_d, gains.K_d))
         w = 2.0 * math.pi / (self.periods() * self.period)
         half = 0.5 * self.travel

@@ -31,7 +31,9 @@ class SawyerTiltedWipe(Interaction):
     """
 
     name: ClassVar[str] = "sawyer_tilted_wipe"
-    question: ClassVar[str] = "Does one level hold a force across a tilted wall and a path along it, with S not diagonal?"
+    question: ClassVar[str] = (
+        "Does one level hold a force across a tilted wall and a path along it, with S not diagonal?"
+    )
 
     force: float = 30.0
     tilt: float = 0.6
@@ -62,7 +64,16 @@ class SawyerTiltedWipe(Interaction):
         S = np.eye(3) - np.outer(n, n)
         back = self.recovery
         press = HybridReference(
-            "tool", start, M[:3], B, K[:3], S, self.force * n, axes=("x", "y", "z"), recovery=back, name="press and follow"
+            "tool",
+            start,
+            M[:3],
+            B,
+            K[:3],
+            S,
+            self.force * n,
+            axes=("x", "y", "z"),
+            recovery=back,
+            name="press and follow",
         )
         point = ImpedanceReference(
             "tool", start, M[3:], gains.B_d[3:], K[3:], axes=("rx", "ry", "rz"), recovery=back, name="orientation"

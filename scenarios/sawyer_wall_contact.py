@@ -52,7 +52,9 @@ class SawyerWallContact(Interaction):
 
     def experiment(self, case: Case, robot: Robot) -> Experiment:
         gains = self.gains(case, "x")
-        first = ForceReference("tool", gains.M_d[:1], gains.B_d[:1], self.force, axes=("x",), recovery=self.recovery, name="force x")
+        first = ForceReference(
+            "tool", gains.M_d[:1], gains.B_d[:1], self.force, axes=("x",), recovery=self.recovery, name="force x"
+        )
         start = robot.pose("tool")
         lower = ImpedanceReference(
             "tool",

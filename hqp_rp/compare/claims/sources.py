@@ -1,12 +1,11 @@
-"""Which code a study was made with: a digest of every source that its results can depend on, comments and docstrings aside."""
+"""Which code a study was made with: a digest of every source that its results can depend on, words and layout aside."""
 
 from __future__ import annotations
 
 import ast
-import io
 import pathlib
 import re
-import tokenize
+from typing import Any
 
 import hqp_rp
 from hqp_rp.compare.run_folder import digest
@@ -42,32 +41,33 @@ def sources() -> list[pathlib.Path]:
 
 
 def digest_of_sources() -> str:
-    """16 digits that change with the code, and not with its comments, docstrings and blank lines."""
+    """16 digits that change with the code, and not with its comments, docstrings and layout."""
     return digest(*(text for path in sources() for text in (path.relative_to(ROOT).as_posix(), code_of(path))))
 
 
 def code_of(path: pathlib.Path) -> str:
-    """A source without comments, docstrings, other strings that nobody uses, and blank lines."""
+    """What a source says to the machine: of Python its syntax tree without strings that nobody uses; of C++ the text without
+    comments and line breaks."""
     text = path.read_text()
     if path.suffix != ".py":
-        text = _COMMENT.sub("", text)
-    else:
-        lines = text.encode().splitlines(keepends=True)
-        cuts = [
-            (node.lineno, node.col_offset, node.end_lineno or node.lineno, node.end_col_offset or 0)
-            for node in ast.walk(ast.parse(text))
-            if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-        ]
-        for token in tokenize.tokenize(io.BytesIO(text.encode()).readline):
-            if token.type == tokenize.COMMENT:
-                row, column = token.start
-                before = len(token.line[:column].encode())
-                cuts.append((row, before, row, before + len(token.string.encode())))
-        for first, begin, last, end in sorted(cuts, reverse=True):
-            rest = lines[last - 1][end:]
-            lines[first - 1 : last] = [lines[first - 1][:begin] + rest]
-        text = b"".join(lines).decode()
-    return "\n".join(line.rstrip() for line in text.splitlines() if line.strip())
+        return " ".join(_COMMENT.sub("", text).split())
+    return repr(_shape(ast.parse(text)))
+
+
+def _shape(node: Any) -> Any:
+    """A syntax tree as tuples, without what is empty, so that versions of Python agree on it."""
+    if isinstance(node, ast.AST):
+        fields = [(name, _shape(value)) for name, value in ast.iter_fields(node)]
+        return (type(node).__name__, *((name, value) for name, value in fields if value not in (None, ())))
+    if isinstance(node, list):
+        imports = [item for item in node if isinstance(item, ast.Import | ast.ImportFrom)]
+        others = [item for item in node if item not in imports and not _is_words(item)]
+        return (*sorted(map(_shape, imports), key=repr), *map(_shape, others))
+    return node
+
+
+def _is_words(node: Any) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 def _path(module: str) -> pathlib.Path | None:

@@ -40,13 +40,21 @@ def test_words_do_not_count_and_code_does(tmp_path: pathlib.Path) -> None:
     assert "ords" not in code
     assert "why" not in code
     assert "What it is" not in code
-    assert 'y = "# no comment"' in code
+    assert "# no comment" in code
     path.write_text(CODE.replace("Half of x", "Halves").replace("# why", "# because").replace("more words", "é"))
     assert code_of(path) == code
+    path.write_text(CODE.replace("x / 2.0", "(\n        x / 2.0\n    )"))
+    assert code_of(path) == code
+    path.write_text("import ast\n" + CODE)
+    more = code_of(path)
+    path.write_text(CODE.replace("import math", "import math\nimport ast"))
+    assert code_of(path) == more != code
     path.write_text(CODE.replace("/ 2.0", "/ 3.0"))
     assert code_of(path) != code
     native = tmp_path / "kernel.hpp"
     native.write_text("int a = 1;  // one\n/* more\nlines */\n")
+    assert code_of(native) == "int a = 1;"
+    native.write_text("int\n  a = 1;\n")
     assert code_of(native) == "int a = 1;"
 
 
