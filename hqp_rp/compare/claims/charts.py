@@ -53,6 +53,7 @@ from hqp_rp.compare.report import number
 from hqp_rp.control._checks import TWIST_AXES
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios._interaction import DAMPED, DAMPING, INERTIA, PAPER, REGULAR, SINGULAR
+from hqp_rp.scenarios.sawyer_wall_contact import SawyerWallContact
 
 DESIRED, LAW = "desired", "the law alone"
 EQUAL = 1e-3
@@ -261,8 +262,7 @@ def wall_curves(curves: Curves) -> Lines:
     panels: list[tuple[Line, ...]] = []
     columns = []
     for trial, steps in runs:
-        B = DAMPING[0] if trial.gains == PAPER else 2.0 * np.sqrt(INERTIA[0] * 1e5)
-        time, force = ideal_contact(INERTIA[0], float(B), 1e5, 30.0, 0.01, 2.0)
+        time, force = ideal_contact(INERTIA[0], _damping(trial.gains, 1e5), 1e5, 30.0, 0.01, 2.0)
         alone = (time[::100], force[::100])
         own = {LAW: alone, DESIRED: _xy(steps, "desired force x [N]"), REVERSE: _xy(steps, "force x [N]")}
         panels += merged([own])
@@ -285,20 +285,14 @@ def servo_map(study: Study) -> Grid:
         for r, servo in enumerate(SERVOS):
             rows = study.pick(SERVO_MAP, REVERSE, servo=servo, stiffness=stiffness)
             values[r, c] = float(np.median(rows["peak"].to_numpy())) / ideal
-    return Grid(
+    return _by_stiffness(
         "servo-map",
         "Peak force at the wall over that of the law alone",
         "Median of the postures in a cell, the paper's numbers. 1 is the law; soft servos hide its peak, and the peak that the "
         "paper's Figure 7 shows depends on a gain that it does not give.",
-        "wall stiffness (N/m)",
-        "servo gain, times the default",
-        tuple(f"{k:.0e}".replace("e+0", "e") for k in STIFFNESSES),
-        tuple(f"{s:g}" for s in SERVOS),
+        ("servo gain, times the default", SERVOS),
         values,
-        tuple(tuple(number(v) for v in row) for row in values.tolist()),
-        0.2,
-        5.0,
-        "peak over ideal peak",
+        (0.2, 5.0, "peak over ideal peak"),
     )
 
 
@@ -307,29 +301,46 @@ def delay_map(study: Study, servo: float, gains: str) -> Grid:
     values = np.empty((len(DELAYS), len(STIFFNESSES)))
     margins = []
     for c, stiffness in enumerate(STIFFNESSES):
-        B = DAMPING[0] if gains == PAPER else 2.0 * np.sqrt(INERTIA[0] * stiffness)
-        margins.append(delay_margin(INERTIA[0], float(B), stiffness))
+        margins.append(delay_margin(INERTIA[0], _damping(gains, stiffness), stiffness))
         for r, delay in enumerate(DELAYS):
             rows = study.pick(DELAY_MAP, REVERSE, servo=servo, gains=gains, stiffness=stiffness, delay=delay)
             values[r, c] = max(float(np.median(rows["late_rms"].to_numpy())), 1e-3)
     places = np.interp(margins, DELAYS, np.arange(len(DELAYS)), right=len(DELAYS) - 0.5)
     which = f"{gains}, servo x {servo:g}"
-    return Grid(
+    return _by_stiffness(
         f"delay-map-{'paper' if gains == PAPER else 'damped'}-{servo:g}",
         f"Force error at the end, by delay of the reading ({which})",
         "RMS error in the last third, N, median of the postures in a cell. Below the dashed line the law alone is stable "
         "(phase margin in continuous time, without the velocity loop and without the 1 ms that holding a value for 2 ms adds).",
-        "wall stiffness (N/m)",
-        "delay (ms)",
-        tuple(f"{k:.0e}".replace("e+0", "e") for k in STIFFNESSES),
-        tuple(f"{1e3 * d:g}" for d in DELAYS),
+        ("delay (ms)", [1e3 * delay for delay in DELAYS]),
         values,
-        tuple(tuple(number(v) for v in row) for row in values.tolist()),
-        0.03,
-        30.0,
-        "late RMS error (N)",
+        (0.03, 30.0, "late RMS error (N)"),
         ("delay margin of the law alone", np.arange(len(STIFFNESSES), dtype=np.float64), places),
     )
+
+
+def _by_stiffness(
+    name: str,
+    title: str,
+    caption: str,
+    rows: tuple[str, Sequence[float]],
+    values: FloatArray,
+    scale: tuple[float, float, str],
+    line: tuple[str, FloatArray, FloatArray] | None = None,
+) -> Grid:
+    """A map over the walls' stiffnesses: what varies over its rows, and both ends and the words of its colours."""
+    across = tuple(f"{stiffness:.0e}".replace("e+0", "e") for stiffness in STIFFNESSES)
+    texts = tuple(tuple(number(value) for value in row) for row in values.tolist())
+    y_label, settings = rows
+    up = tuple(f"{setting:g}" for setting in settings)
+    return Grid(name, title, caption, "wall stiffness (N/m)", y_label, across, up, values, texts, *scale, line)
+
+
+def _damping(gains: str, stiffness: float) -> float:
+    """N s/m: B_d of a set of gains across a wall of this stiffness, N/m."""
+    scenario = SawyerWallContact(stiffness=stiffness)
+    case = next(case for case in scenario.cases() if case.gains == gains)
+    return float(scenario.gains(case, "x").B_d[0])
 
 
 _SWEPT_ROWS = (("RMS error of F_x (N)", True), ("peak F_x (N)", True), ("largest |x| (rad/s)", True))
@@ -394,7 +405,7 @@ def shortened_or_told(study: Study) -> Dots:
 
 def three_levels(study: Study) -> Dots:
     """Force and second level of three, at regular postures, by method."""
-    methods = tuple(label for label in FIXED if study.pick(WIPE, label).height) + ((DLS,) if DLS in SWEPT else ())
+    methods = (*(label for label in FIXED if study.pick(WIPE, label).height), DLS)
     values, columns = [], []
     for experiment in (WIPE, CONFLICT):
         for what, scale, words in (("rms", 1.0, "RMS error of F_x (N)"), ("position", 1e3, "second level (mm)")):

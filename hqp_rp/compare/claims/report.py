@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import pathlib
 from collections.abc import Sequence
@@ -54,6 +55,11 @@ class ClaimsStudy:
     places: Places
     quick: bool = False
 
+    @functools.cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Every claim, judged."""
+        return verdicts(self.rows)
+
     def report(self, films: Sequence[str] = (), folder: pathlib.Path | None = None) -> Report:
         """The report as data; `films` is what `film_all` returned for the folder, whose stills are shown."""
         return _report(self, films, folder)
@@ -104,7 +110,7 @@ def study_claims(
     if films and not quick:
         rendered = _films(places, folder)
     write_report(study.report(rendered, folder.path / "films"), folder.path, workers=cores)
-    return [f"{v.claim} {v.word}: {v.number or v.why}" for v in verdicts(rows)] + rendered
+    return [f"{v.claim} {v.word}: {v.number or v.why}" for v in study.verdicts] + rendered
 
 
 def _films(places: Places, folder: RunFolder) -> list[str]:
@@ -114,7 +120,7 @@ def _films(places: Places, folder: RunFolder) -> list[str]:
 
 
 def _report(study: ClaimsStudy, films: Sequence[str], folder: pathlib.Path | None) -> Report:
-    judged = verdicts(study.rows)
+    judged = study.verdicts
     charts = evidence(Study(study.rows), Curves(study.shown, study.steps))
     every = [chart for own in charts.values() for chart in own]
     styles = chart_styles(every)
