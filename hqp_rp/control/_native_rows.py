@@ -97,6 +97,14 @@ class NativeTask(NativeRows):
 
     __slots__ = ()
 
+    @abc.abstractmethod
+    def _second_order(self, rows: int) -> tuple[FloatArray, FloatArray]:
+        """kp (m,) in 1/s^2 and kd (m,) in 1/s, of an `AccelerationStack`."""
+
+    @abc.abstractmethod
+    def _number_rates(self, layout: Layout) -> FloatArray:
+        """How the numbers of `_numbers` change in time: velocities of places, accelerations of targets."""
+
     @property
     def native(self) -> NativeRows | None:
         """The task itself, or None where a subclass has an `evaluate` of its own."""

@@ -183,7 +183,7 @@ class StackRows:
             or self._differences
         ):
             self._ask(v, a)
-        sound = self._fill(matrix, lower, upper, 0.0 if dt is None else dt, plain)
+        sound = self._call_native(matrix, lower, upper, 0.0 if dt is None else dt, plain)
         if upper is None:
             upper = lower
         if not sound:
@@ -191,6 +191,11 @@ class StackRows:
         if self._unactuated is not None and self._unactuated.size and not plain:
             self._take_out(matrix, lower, upper)
         return matrix, lower, upper
+
+    def _call_native(
+        self, matrix: FloatArray, lower: FloatArray, upper: FloatArray | None, dt: float, plain: bool
+    ) -> bool:
+        return self._fill(matrix, lower, upper, dt, plain)
 
     def _take_out(self, matrix: FloatArray, lower: FloatArray, upper: FloatArray) -> None:
         """Move what the robot does not drive, at its known velocity, to the right side: A_d v_d = b - A_o v_o."""

@@ -80,7 +80,8 @@ class CenterOfMassTask(FeedbackTask):
     @property
     def native(self) -> NativeRows | None:
         """The task itself for the whole robot; parts are asked of the robot."""
-        return super().native if self._bodies is None else None
+        own = type(self).evaluate is CenterOfMassTask.evaluate
+        return self if own and self._bodies is None else None
 
     def evaluate(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
         """Jacobian (m, nv) and rate (m,) at the robot's current configuration, both scaled by the weight."""
@@ -131,6 +132,20 @@ class CenterOfMassTask(FeedbackTask):
             numbers[own : own + 3] = self._feedforward
         numbers[own + 15 : own + 18] = self._target
         return numbers
+
+    def _feedforward_size(self) -> int:
+        return 3
+
+    def _number_rates(self, layout: Layout) -> FloatArray:
+        rates, own = np.zeros(2 * layout.rows + 21), 2 * layout.rows
+        if self._acceleration is not None:
+            rates[own : own + 3] = self._acceleration
+        if self._feedforward is not None:
+            rates[own + 15 : own + 18] = self._feedforward
+        return rates
+
+    def _ahead(self, rows: int) -> FloatArray:
+        return np.zeros(rows) if self._acceleration is None else self._acceleration[axis_numbers(self._axes)]
 
 
 def center_of_mass(robot: Robot, bodies: Sequence[str] | None, owner: str) -> tuple[FloatArray, FloatArray]:

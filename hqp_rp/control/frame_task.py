@@ -6,6 +6,7 @@ import abc
 from collections.abc import Sequence
 from typing import Any, ClassVar, Generic, TypeVar
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import (
@@ -134,3 +135,15 @@ class FrameTask(FeedbackTask, Generic[Target]):
             numbers[own + 15 : own + 18] = origin
         numbers[own + 18 :] = self._point
         return numbers
+
+    def _feedforward_size(self) -> int:
+        return len(self._valid)
+
+    def _number_rates(self, layout: Layout) -> FloatArray:
+        rates, own = np.zeros(2 * layout.rows + 21), 2 * layout.rows
+        first = own + TWIST_AXES.index(self._valid[0])
+        if self._acceleration is not None:
+            rates[first : first + len(self._valid)] = self._acceleration
+        if self._feedforward is not None and self._valid[0] == "x":
+            rates[own + 15 : own + 18] = self._feedforward[:3]
+        return rates

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector, frame_name, frame_point
@@ -99,3 +100,14 @@ class LookAtTask(FeedbackTask):
         numbers[19] = 1.0
         numbers[20:] = self._point
         return numbers
+
+    def _feedforward_size(self) -> int:
+        return 3
+
+    def _number_rates(self, layout: Layout) -> FloatArray:
+        rates = np.zeros(23)
+        if self._acceleration is not None:
+            rates[4:7] = self._acceleration
+        if self._feedforward is not None:
+            rates[16:19] = self._feedforward
+        return rates

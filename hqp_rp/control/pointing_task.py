@@ -97,6 +97,17 @@ class PointingTask(FeedbackTask):
         numbers[16:19] = self._direction
         return numbers
 
+    def _feedforward_size(self) -> int:
+        return 3
+
+    def _number_rates(self, layout: Layout) -> FloatArray:
+        rates = np.zeros(23)
+        if self._acceleration is not None:
+            rates[4:7] = self._acceleration
+        if self._feedforward is not None:
+            rates[16:19] = np.cross(self._feedforward, self._direction)
+        return rates
+
 
 def axis_vector(axis: ArrayLike | str, owner: str) -> FloatArray:
     """The unit vector (3,) of "x", "y", "z" or of a vector of any length but zero."""

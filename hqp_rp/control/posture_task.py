@@ -131,6 +131,13 @@ class PostureTask(FeedbackTask):
             numbers[3 * m :] = self._target[self._coordinates]
         return numbers
 
+    def _number_rates(self, layout: Layout) -> FloatArray:
+        m = layout.rows
+        rates = np.zeros(4 * m)
+        if self._acceleration is not None:
+            rates[2 * m : 3 * m] = self._acceleration
+        return rates
+
     def _bind(self, robot: Robot) -> None:
         """Find the chosen joints of this robot, once the sizes are seen to fit it."""
         owner = f"task {self._name!r}"
@@ -141,7 +148,15 @@ class PostureTask(FeedbackTask):
             )
         indices = driven_indices(robot) if self._joints is None else joint_indices(robot, self._joints, owner)
         rows = len(indices)
-        for what, value in (("gain", self._gain), ("weight", self._weight), ("feedforward", self._feedforward)):
+        given = (
+            ("gain", self._gain),
+            ("weight", self._weight),
+            ("feedforward", self._feedforward),
+            ("kp", self._kp),
+            ("kd", self._kd),
+            ("feedforward_acceleration", self._acceleration),
+        )
+        for what, value in given:
             if isinstance(value, np.ndarray) and len(value) != rows:
                 raise RobotError(f"{owner}: {what} has shape {value.shape}; on this robot the task has {rows} rows.")
         coordinates = plain_coordinates(robot)[indices]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import TWIST_AXES, axis_numbers, axis_rows, finite_vector, frame_name, frame_point, pose
@@ -120,3 +121,12 @@ class RelativePoseTask(FeedbackTask):
         numbers[own + 15 : own + 18] = origin
         numbers[own + 18 :] = self._point
         return numbers
+
+    def _feedforward_size(self) -> int:
+        return 6
+
+    def _number_rates(self, layout: Layout) -> FloatArray:
+        rates, own = np.zeros(2 * layout.rows + 21), 2 * layout.rows
+        if self._acceleration is not None:
+            rates[own : own + 6] = self._acceleration
+        return rates

@@ -314,9 +314,12 @@ class Stack:
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
         self._warn_of_couplings(robot)
         two_sided = self._two_sided or bool(self._hard)
-        self._rows = rows = StackRows((*self._hard, *self._items), robot, two_sided, self._where)
+        self._rows = rows = self._rows_on(robot, two_sided)
         self._count(rows)
         return rows
+
+    def _rows_on(self, robot: Robot, two_sided: bool) -> StackRows:
+        return StackRows((*self._hard, *self._items), robot, two_sided, self._where)
 
     def _warn_of_couplings(self, robot: Robot) -> None:
         """What the model says of its joints and no item holds is said, in one warning."""
@@ -381,7 +384,7 @@ class Stack:
 
     def __repr__(self) -> str:
         hard = f", {len(self._limits)} hard" if self._limits else ""
-        return f"Stack({' > '.join(self._names)}{hard})"
+        return f"{type(self).__name__}({' > '.join(self._names)}{hard})"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import per_row
+from hqp_rp.control._checks import finite_vector, per_row
 from hqp_rp.control._native_rows import Layout, NativeTask
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
@@ -44,16 +44,26 @@ class FeedbackTask(NativeTask):
         weight: > 0, one number or one for each row: how rows of the same level are weighed against each other when they
             cannot all be met, and how metres are weighed against radians. Priorities between levels ignore it.
 
+    In an `AccelerationStack` the same task reads
+
+        J v-dot = a_ff + kd (feedforward - J v) + kp error - (Jdot v - d/dt feedforward)
+
+    with `feedforward_acceleration` a_ff, and kp = gain^2, kd = 2 gain unless they are set: where the rows are met, the error is
+    (1 + gain t) exp(-gain t) error(0) from rest, critically damped.
+
     Raises:
         SettingError: a gain or weight of the wrong shape or sign.
     """
 
-    __slots__ = ("_gain", "_name", "_rows", "_weight")
+    __slots__ = ("_acceleration", "_gain", "_kd", "_kp", "_name", "_rows", "_weight")
 
     def __init__(self, rows: int | None, name: str, gain: ArrayLike, weight: ArrayLike) -> None:
         self._alone = None
         self._rows = rows
         self._name = str(name)
+        self._kp: float | FloatArray | None = None
+        self._kd: float | FloatArray | None = None
+        self._acceleration: FloatArray | None = None
         self.gain = gain
         self.weight = weight
 
@@ -86,6 +96,51 @@ class FeedbackTask(NativeTask):
     def weight(self, value: ArrayLike) -> None:
         self._weight = per_row(value, self._rows, f"the weight of {self._name!r}", positive=True)
         self._packed = None
+
+    @property
+    def kp(self) -> float | FloatArray | None:
+        """1/s^2, one number or (m,), of an `AccelerationStack`; None means gain^2. May be set at any time."""
+        return self._kp
+
+    @kp.setter
+    def kp(self, value: ArrayLike | None) -> None:
+        self._kp = None if value is None else per_row(value, self._rows, f"the kp of {self._name!r}", positive=False)
+        self._packed = None
+
+    @property
+    def kd(self) -> float | FloatArray | None:
+        """1/s, one number or (m,), of an `AccelerationStack`; None means 2 gain. May be set at any time."""
+        return self._kd
+
+    @kd.setter
+    def kd(self, value: ArrayLike | None) -> None:
+        self._kd = None if value is None else per_row(value, self._rows, f"the kd of {self._name!r}", positive=False)
+        self._packed = None
+
+    @property
+    def feedforward_acceleration(self) -> FloatArray | None:
+        """Acceleration of the target, as `feedforward` is its velocity, in units per s; None for 0. For an `AccelerationStack`."""
+        return self._acceleration
+
+    @feedforward_acceleration.setter
+    def feedforward_acceleration(self, value: ArrayLike | None) -> None:
+        what = f"the feedforward_acceleration of {self._name!r}"
+        size = self._feedforward_size() or np.size(value if value is not None else 0)
+        self._acceleration = None if value is None else finite_vector(value, size, what, "m/s^2 or rad/s^2")
+        self._packed = None
+
+    def _feedforward_size(self) -> int | None:
+        """How many numbers a feed-forward has; None when only a robot can tell."""
+        return self._rows
+
+    def _second_order(self, rows: int) -> tuple[FloatArray, FloatArray]:
+        kp = np.square(self._gain) if self._kp is None else self._kp
+        kd = np.multiply(2.0, self._gain) if self._kd is None else self._kd
+        return np.broadcast_to(kp, (rows,)), np.broadcast_to(kd, (rows,))
+
+    def _ahead(self, rows: int) -> FloatArray:
+        """(m,) the feed-forward acceleration along the rows, of a task that is not native."""
+        return np.zeros(rows) if self._acceleration is None else self._acceleration
 
     def error(self, robot: Robot) -> FloatArray:
         """(m,) target minus actual at the robot's current configuration, before the weight."""

@@ -37,18 +37,21 @@ class TwistTask(NativeTask):
         axes: any of "x", "y", "z", "rx", "ry", "rz", in the order the rows shall have.
         expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
         weight: > 0, one number or one for each row; see `FeedbackTask`.
+        kd: 1/s, >= 0, one number or one for each row; of an `AccelerationStack`.
         point: (3,) m, the point of the frame that is meant, in its own axes, such as the tip of a tool; None means its
             origin.
         name: default "<frame> twist".
 
-    `velocity` may be set at every step.
+    In an `AccelerationStack` the frame follows the velocity: d/dt((R_f^T J)[axes] v) = acceleration + kd (velocity - (R_f^T J)[axes] v).
+
+    `velocity`, `acceleration` and `kd` may be set at every step.
 
     Raises:
         SettingError: a velocity or weight of the wrong shape, not finite or out of its range; an axis that does not
             exist.
     """
 
-    __slots__ = ("_axes", "_expressed_in", "_frame", "_name", "_point", "_velocity", "_weight")
+    __slots__ = ("_acceleration", "_axes", "_expressed_in", "_frame", "_kd", "_name", "_point", "_velocity", "_weight")
 
     def __init__(
         self,
@@ -58,6 +61,7 @@ class TwistTask(NativeTask):
         axes: str | Sequence[str] = TWIST_AXES,
         expressed_in: str = WORLD,
         weight: ArrayLike = 1.0,
+        kd: ArrayLike = 20.0,
         point: ArrayLike | None = None,
         name: str = "",
     ) -> None:
@@ -68,6 +72,8 @@ class TwistTask(NativeTask):
         self._axes, _ = axis_rows(axes, TWIST_AXES, f"axes of {self._name!r}")
         self._point = frame_point(point, self._name)
         self._weight = per_row(weight, len(self._axes), f"the weight of {self._name!r}", positive=True)
+        self._acceleration = np.zeros(len(self._axes))
+        self.kd = kd
         self.velocity = np.zeros(len(self._axes)) if velocity is None else velocity
 
     @property
@@ -99,6 +105,36 @@ class TwistTask(NativeTask):
     def velocity(self, value: ArrayLike) -> None:
         self._velocity = finite_vector(value, len(self._axes), f"the velocity of {self._name!r}", "m/s and rad/s")
         self._packed = None
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """(k,) m/s^2 and rad/s^2, feed-forward along each chosen axis, 0 until set; of an `AccelerationStack`."""
+        return self._acceleration
+
+    @acceleration.setter
+    def acceleration(self, value: ArrayLike) -> None:
+        what = f"the acceleration of {self._name!r}"
+        self._acceleration = finite_vector(value, len(self._axes), what, "m/s^2 and rad/s^2")
+        self._packed = None
+
+    @property
+    def kd(self) -> float | FloatArray:
+        """1/s, one number or (k,); of an `AccelerationStack`."""
+        return self._kd
+
+    @kd.setter
+    def kd(self, value: ArrayLike) -> None:
+        self._kd = per_row(value, len(self._axes), f"the kd of {self._name!r}", positive=False)
+        self._packed = None
+
+    def _second_order(self, rows: int) -> tuple[FloatArray, FloatArray]:
+        return np.zeros(rows), np.broadcast_to(self._kd, (rows,))
+
+    def _number_rates(self, layout: Layout) -> FloatArray:
+        m = layout.rows
+        rates = np.zeros(3 * m + 3)
+        rates[2 * m : 3 * m] = self._acceleration
+        return rates
 
     def _layout(self, robot: Robot) -> Layout:
         axes = None if self._expressed_in == WORLD else self._expressed_in

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import fnmatch
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,6 +106,19 @@ class Frames:
                 )
             self.rotations[f], self.origins[f], self.jacobians[f] = rotation, origin, jacobian
 
+    def motion(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """J v (F, 6) and Jdot v (F, 6), linear over angular in world axes, for v (nv,), after `read`.
+
+        Raises `RobotError` for a robot that does not tell Jdot v.
+        """
+        biases = np.zeros((len(self.names), 6))
+        for f, name in enumerate(self.names):
+            if isinstance(name, Point):
+                biases[f, :3] = _ask(self._robot, "center_of_mass_bias_acceleration")(v)
+            else:
+                biases[f] = _ask(self._robot, "bias_acceleration")(name, v)
+        return self.jacobians @ v, biases
+
     def move_to(self, rotations: FloatArray, origins: FloatArray, jacobians: FloatArray) -> None:
         """Keep poses and Jacobians in these arrays from now on; shapes as of the attributes."""
         for out, own in ((rotations, self.rotations), (origins, self.origins), (jacobians, self.jacobians)):
@@ -137,6 +150,16 @@ def frames_of(robot: Robot, names: tuple[str | Point, ...]) -> Frames:
     """The frames in the way that suits the robot: its own `frame_reader(names)` where it has one."""
     own = getattr(robot, "frame_reader", None)
     return Frames(robot, names) if own is None else own(names)
+
+
+def _ask(robot: Robot, method: str) -> Callable[..., FloatArray]:
+    """A method of the robot that only accelerations need. Raises `RobotError` where it has none."""
+    found: Callable[..., FloatArray] | None = getattr(robot, method, None)
+    if found is None:
+        raise RobotError(
+            f"a {type(robot).__name__} has no method {method}(), which accelerations need; use a MujocoRobot or a PinocchioRobot."
+        )
+    return found
 
 
 def checked_vector(value: ArrayLike, size: int, what: str) -> FloatArray:

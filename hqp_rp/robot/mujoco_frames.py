@@ -45,12 +45,12 @@ def kinematics_of(
             table.append((1, site))
             chains.append(_chain(model, int(model.site_bodyid[site])))
     moving = [body for body in range(model.nbody - 1, 0, -1) if int(model.body_treeid[body]) in trees]
-    bodies = [(body, int(model.body_parentid[body])) for body in moving]
+    bodies = [(body, int(model.body_parentid[body]), (_chain(model, body) or [-1])[0]) for body in moving]
     names = ("xmat", "xpos", "site_xmat", "site_xpos", "xanchor", "xaxis", "xipos")
     state = {name: getattr(data, name) for name in names} | {"body_mass": model.body_mass, "kept": (model, data)}
-    arrays = (np.array(rows, dtype=np.int64).reshape(-1, width) for rows, width in ((table, 2), (_dofs(model), 4)))
+    arrays = (np.array(rows, dtype=np.int64).reshape(-1, width) for rows, width in ((table, 2), (_dofs(model), 6)))
     frame_table, dof_table = arrays
-    body_table = np.array(bodies, dtype=np.int64).reshape(-1, 2)
+    body_table = np.array(bodies, dtype=np.int64).reshape(-1, 3)
     return _native.Kinematics(frame_table, chains, dof_table, body_table, mass, state)
 
 
@@ -66,6 +66,13 @@ class MujocoFrames(Frames):
         """Fill the arrays for the robot's current configuration."""
         assert self.kinematics is not None
         self.kinematics.read(self.rotations, self.origins, self.jacobians)
+
+    def motion(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `Frames.motion`."""
+        assert self.kinematics is not None
+        twists, biases = np.empty((len(self.names), 6)), np.empty((len(self.names), 6))
+        self.kinematics.motion(v, twists, biases)
+        return twists, biases
 
     def many(self, q: FloatArray, threads: int | None = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `Frames.many`; of a robot made from an arm, by the arm's own kinematics."""
@@ -90,18 +97,21 @@ def _chain(model: Any, body: int) -> list[int]:
     return chain
 
 
-def _dofs(model: Any) -> list[tuple[int, int, int, int]]:
-    """Of each dof its axis, joint, whether it turns, and body.
+def _dofs(model: Any) -> list[tuple[int, int, int, int, int, int]]:
+    """Of each dof its axis, joint, whether it turns, body, the dof below it and the one with which its axis turns (-1: none).
 
     Axes: 0 ... 2 of the world, 3 ... 5 a column of the body's rotation, 6 the joint's own.
     """
-    found: list[tuple[int, int, int, int]] = []
+    found: list[tuple[int, int, int, int, int, int]] = []
     for j in range(model.njnt):
         kind, body = int(model.jnt_type[j]), int(model.jnt_bodyid[j])
+        parent = [int(model.dof_parentid[i]) for i in range(len(found), len(found) + 6) if i < model.nv]
         if kind == _FREE:
-            found += [(i, j, 0, body) for i in range(3)]
+            found += [(i, j, 0, body, parent[i], -1) for i in range(3)]
         if kind in (_FREE, _BALL):
-            found += [(3 + i, j, 1, body) for i in range(3)]
+            last = len(found) + 2
+            parent = [int(model.dof_parentid[i]) for i in range(len(found), last + 1)]
+            found += [(3 + i, j, 1, body, parent[i], last) for i in range(3)]
         else:
-            found.append((6, j, int(kind != _SLIDE), body))
+            found.append((6, j, int(kind != _SLIDE), body, parent[0], parent[0]))
     return found

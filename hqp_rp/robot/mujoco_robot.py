@@ -341,6 +341,30 @@ class MujocoRobot(MujocoSurroundings):
         mujoco.mj_comVel(self._model, self._data)
         return torque
 
+    def inverse_dynamics(self, v: FloatArray, a: FloatArray) -> FloatArray:
+        """(nv,) tau = M(q) a + h(q, v) + g(q) for v and a (nv,); without friction, damping and contacts of the model."""
+        acceleration = checked_vector(a, self._nv, "a")
+        return self.mass_matrix() @ acceleration + self.bias(v)
+
+    def bias_acceleration(self, frame: str, v: FloatArray) -> FloatArray:
+        """(6,) Jdot v: acceleration of the frame's origin over angular acceleration, in world axes, at v (nv,) and v-dot = 0.
+
+        The acceleration of a point, not of a spatial vector; gravity is not in it.
+        """
+        kinematics = self._kinematics.get(self._frame(frame)) or self._kinematics_of((frame,))
+        return self._bias_of(kinematics, v)
+
+    def center_of_mass_bias_acceleration(self, v: FloatArray) -> FloatArray:
+        """(3,) acceleration of the centre of mass in world axes, at v (nv,) and v-dot = 0, without gravity."""
+        kinematics = self._kinematics.get(None) or self._kinematics_of((Point.CENTER_OF_MASS,))
+        return self._bias_of(kinematics, v)[:3]
+
+    def _bias_of(self, kinematics: _native.Kinematics, v: FloatArray) -> FloatArray:
+        found: FloatArray = np.empty((2, 1, 6))
+        velocity = np.ascontiguousarray(checked_vector(v, self._nv, "v"))
+        kinematics.motion(velocity, found[0], found[1])
+        return found[1, 0]
+
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
         require_velocity(v)

@@ -350,6 +350,30 @@ class PinocchioRobot(ModelRobot):
         velocity = checked_vector(v, self._nv, "v")
         return np.array(pin.nonLinearEffects(self._model, self._dynamics, self._normalized, velocity))
 
+    def inverse_dynamics(self, v: FloatArray, a: FloatArray) -> FloatArray:
+        """(nv,) tau = M(q) a + h(q, v) + g(q) for v and a (nv,)."""
+        velocity, acceleration = checked_vector(v, self._nv, "v"), checked_vector(a, self._nv, "a")
+        return np.array(pin.rnea(self._model, self._dynamics, self._normalized, velocity, acceleration))
+
+    def bias_acceleration(self, frame: str, v: FloatArray) -> FloatArray:
+        """As `MujocoRobot.bias_acceleration`."""
+        index = self._frame(frame)
+        self._move_dynamics(v)
+        found = pin.getFrameClassicalAcceleration(self._model, self._dynamics, index, _ALIGNED)
+        return np.array(found.vector)
+
+    def center_of_mass_bias_acceleration(self, v: FloatArray) -> FloatArray:
+        """As `MujocoRobot.center_of_mass_bias_acceleration`."""
+        self._require_mass()
+        velocity = checked_vector(v, self._nv, "v")
+        pin.centerOfMass(self._model, self._dynamics, self._normalized, velocity, np.zeros(self._nv), False)
+        return np.array(self._dynamics.acom[0])
+
+    def _move_dynamics(self, v: FloatArray) -> None:
+        velocity = checked_vector(v, self._nv, "v")
+        pin.forwardKinematics(self._model, self._dynamics, self._normalized, velocity, np.zeros(self._nv))
+        pin.updateFramePlacements(self._model, self._dynamics)
+
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""
         require_velocity(v)

@@ -1,5 +1,6 @@
 #include <utility>
 
+#include "hqp_rp/acceleration_rows.hpp"
 #include "hqp_rp/kinematics.hpp"
 #include "hqp_rp/task_rows.hpp"
 #include "objects.hpp"
@@ -11,9 +12,9 @@ namespace {
 // The frames of a MuJoCo state, read where MuJoCo keeps them; the arrays given are kept alive.
 class KinematicsObject {
  public:
-  // frames (F, 2): 0 for a body, 1 for a site, -1 for the centre of mass, and its number. chains: F arrays of dofs. dofs (nv, 5): axis
-  // (0 ... 2 of the world, 3 ... 5 of the body's columns, 6 of the joint), joint, whether it turns, body, -. bodies (B, 2): itself and its
-  // parent, leaves first.
+  // frames (F, 2): 0 for a body, 1 for a site, -1 for the centre of mass, and its number. chains: F arrays of dofs, the nearest first.
+  // dofs (nv, 6): axis (0 ... 2 of the world, 3 ... 5 of the body's columns, 6 of the joint), joint, whether it turns, body, parent dof,
+  // carrier (see `Kinematics::Dof`). bodies (B, 3): itself, its parent and the nearest dof, leaves first.
   KinematicsObject(nb::handle frames, nb::list chains, nb::handle dofs, nb::handle bodies, double mass, nb::dict state) : kept_(state) {
     const double *xmat = of("xmat", 2), *xpos = of("xpos", 2), *site_xmat = of("site_xmat", 2), *site_xpos = of("site_xpos", 2);
     const double *xanchor = of("xanchor", 2), *xaxis = of("xaxis", 2), *xipos = of("xipos", 2), *body_mass = of("body_mass", 1);
@@ -30,14 +31,16 @@ class KinematicsObject {
       tree_.frames.push_back(std::move(made));
     }
     const std::int64_t* dof = required<std::int64_t>(dofs, 2, "dofs");
-    for (Py_ssize_t j = 0; j < length_of(dofs.ptr()); ++j, dof += 4) {
+    for (Py_ssize_t j = 0; j < length_of(dofs.ptr()); ++j, dof += 6) {
       const std::int64_t axis = dof[0], joint = dof[1], body = dof[3];
       const double* from = axis < 3 ? world + 3 * axis : axis < 6 ? xmat + 9 * body + (axis - 3) : xaxis + 3 * joint;
-      tree_.dofs.push_back({from, axis >= 3 && axis < 6 ? 3 : 1, xanchor + 3 * joint, dof[2] != 0, static_cast<int>(body)});
+      tree_.dofs.push_back({from, axis >= 3 && axis < 6 ? 3 : 1, xanchor + 3 * joint, dof[2] != 0, static_cast<int>(body),
+                            static_cast<int>(dof[4]), static_cast<int>(dof[5])});
     }
     const std::int64_t* body = required<std::int64_t>(bodies, 2, "bodies");
-    for (Py_ssize_t i = 0; i < length_of(bodies.ptr()); ++i, body += 2)
-      tree_.bodies.push_back({static_cast<int>(body[0]), static_cast<int>(body[1]), body_mass + body[0], xipos + 3 * body[0]});
+    for (Py_ssize_t i = 0; i < length_of(bodies.ptr()); ++i, body += 3)
+      tree_.bodies.push_back({static_cast<int>(body[0]), static_cast<int>(body[1]), body_mass + body[0], xipos + 3 * body[0],
+                              static_cast<int>(body[2])});
     tree_.mass = mass;
     tree_.carried.resize(4 * static_cast<std::size_t>(length_of(nb::object(kept_["xpos"]).ptr())));
   }
@@ -50,6 +53,16 @@ class KinematicsObject {
         length_of(jacobians.ptr(), 2) != static_cast<Py_ssize_t>(tree_.dofs.size()))
       throw nb::value_error("The arrays do not fit the frames.");
     tree_.read(R, p, J);
+  }
+
+  void motion(nb::handle v, nb::handle twists, nb::handle biases) {
+    const double* velocity = required<double>(v, 1, "v");
+    double *V = writable<double>(twists, 2, "twists"), *A = writable<double>(biases, 2, "biases");
+    const auto F = static_cast<Py_ssize_t>(tree_.frames.size());
+    if (length_of(v.ptr()) != static_cast<Py_ssize_t>(tree_.dofs.size()) || length_of(twists.ptr()) != F || length_of(biases.ptr()) != F ||
+        length_of(twists.ptr(), 1) != 6 || length_of(biases.ptr(), 1) != 6)
+      throw nb::value_error("The arrays do not fit the frames.");
+    tree_.motion(velocity, V, A);
   }
 
   Kinematics& tree() { return tree_; }
@@ -105,6 +118,43 @@ class RowsObject {
     return rows_.fill(A, low, up, M, plain);
   }
 
+  // The same on accelerations, for v (n,): see `AccelerationRows`. rates: as the numbers. gains (2, K): kp and kd of every row. biases
+  // (F, 6): Jdot v of every frame, read where kinematics are native, given elsewhere.
+  bool fill_acceleration(nb::handle matrix, nb::handle lower, nb::handle upper, double dt, nb::handle v, nb::handle rates, nb::handle gains,
+                         nb::handle biases) {
+    const double* velocity = required<double>(v, 1, "v");
+    const double *change = required<double>(rates, 1, "rates"), *gain = required<double>(gains, 2, "gains");
+    double* bias = writable<double>(biases, 2, "biases");
+    const Py_ssize_t F = length_of(nb::object(kept_[5]).ptr()), size = length_of(nb::object(kept_[2]).ptr()), K = length_of(gains.ptr(), 1);
+    std::int64_t rows = 0;
+    for (const RowItem& item : rows_.items) rows += item.rows;
+    if (length_of(v.ptr()) != rows_.n || length_of(rates.ptr()) != size || length_of(gains.ptr()) != 2 || K != rows ||
+        length_of(biases.ptr()) != F || (F && length_of(biases.ptr(), 1) != 6))
+      throw nb::value_error("v, rates, gains or biases do not fit the rows.");
+    const bool sound = fill(matrix, lower, upper, dt, false);
+    twists_.resize(static_cast<std::size_t>(6 * F));
+    if (tree_) {
+      tree_->motion(velocity, twists_.data(), bias);
+    } else {
+      const double* J = jacobians_;
+      for (double& twist : twists_) {
+        twist = 0.0;
+        for (int j = 0; j < rows_.n; ++j) twist += J[j] * velocity[j];
+        J += rows_.n;
+      }
+    }
+    accelerations_.number_rates = change;
+    accelerations_.kp = gain;
+    accelerations_.kd = gain + K;
+    double* up = upper.is_none() ? nullptr : writable<double>(upper, 1, "upper");
+    double* low = writable<double>(lower, 1, "lower");
+    accelerations_.fill(rows_, twists_.data(), bias, velocity, dt, static_cast<std::size_t>(size), static_cast<std::size_t>(F), low, up);
+    double total = 0.0;
+    for (const RowItem& item : rows_.items)
+      for (int i = 0; item.kind != RowItem::box && i < item.rows; ++i) total += 0.0 * low[item.first + i];
+    return sound && total == 0.0;
+  }
+
   // The same at N configurations, equalities alone; the number of the first whose rows no solver can take, -1 where there is none.
   std::int64_t fill_many(nb::handle rotations, nb::handle origins, nb::handle jacobians, nb::handle values, nb::handle matrices,
                          nb::handle lowers) const {
@@ -137,6 +187,8 @@ class RowsObject {
   const double* q_ = nullptr;
   Py_ssize_t nq_ = 0;
   int time_ = 0;
+  AccelerationRows accelerations_;
+  std::vector<double> twists_;
 };
 
 }  // namespace
@@ -146,7 +198,9 @@ void bind_task_rows(nb::module_& module) {
       .def(nb::init<nb::handle, nb::list, nb::handle, nb::handle, double, nb::dict>(), nb::arg("frames"), nb::arg("chains"), nb::arg("dofs"),
            nb::arg("bodies"), nb::arg("mass"), nb::arg("state"))
       .def("read", &KinematicsObject::read, nb::arg("rotations"), nb::arg("origins"), nb::arg("jacobians"),
-           "Fill (F, 3, 3), (F, 3) and (F, 6, nv); what is always zero is left as it is.");
+           "Fill (F, 3, 3), (F, 3) and (F, 6, nv); what is always zero is left as it is.")
+      .def("motion", &KinematicsObject::motion, nb::arg("v"), nb::arg("twists"), nb::arg("biases"),
+           "Fill J v (F, 6) and Jdot v (F, 6), linear over angular, for v (nv,).");
   nb::class_<RowsObject>(module, "Rows", "The rows of a stack's own tasks and limits on one robot.")
       .def(nb::init<nb::object, nb::object, nb::object, nb::object, nb::object, nb::object, nb::object, nb::object, nb::object, int>(),
            nb::arg("items"), nb::arg("index"), nb::arg("numbers"), nb::arg("values"), nb::arg("rotations"), nb::arg("origins"),
@@ -154,6 +208,8 @@ void bind_task_rows(nb::module_& module) {
       .def("place", &RowsObject::place, "Take up the table of items again.")
       .def("fill", &RowsObject::fill, nb::arg("matrix"), nb::arg("lower"), nb::arg("upper").none(), nb::arg("dt"), nb::arg("plain"),
            "Fill the rows of all items in (M, n), (M,) and (M,) or None, and judge all M rows: whether they are sound.")
+      .def("fill_acceleration", &RowsObject::fill_acceleration, nb::arg("matrix"), nb::arg("lower"), nb::arg("upper").none(), nb::arg("dt"),
+           nb::arg("v"), nb::arg("rates"), nb::arg("gains"), nb::arg("biases"), "The same on accelerations, for the velocity v (nv,).")
       .def("fill_many", &RowsObject::fill_many, nb::arg("rotations"), nb::arg("origins"), nb::arg("jacobians"), nb::arg("values"),
            nb::arg("matrices"), nb::arg("lowers"), "The same at N configurations, equalities alone: the first that is not sound, or -1.");
   module.def(

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "hqp_rp/dual.hpp"
 #include "hqp_rp/tolerances.hpp"
 
 namespace hqp {
@@ -31,8 +32,9 @@ inline void rotation_vector(const double* R, double* r) {
 }
 
 // out (3,) <- R^T v.
-inline void to_local(const double* R, const double* v, double* out) {
-  const double x = v[0], y = v[1], z = v[2];
+template <class T>
+inline void to_local(const T* R, const T* v, T* out) {
+  const T x = v[0], y = v[1], z = v[2];
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x + R[3 + i] * y + R[6 + i] * z;
 }
 
@@ -43,6 +45,14 @@ inline void rotation_error(const double* R_target, const double* R, double* r) {
     for (int j = 0; j < 3; ++j)
       product[3 * i + j] = R_target[3 * i] * R[3 * j] + R_target[3 * i + 1] * R[3 * j + 1] + R_target[3 * i + 2] * R[3 * j + 2];
   rotation_vector(product, r);
+}
+
+// The same of the values alone: no task's rows depend on the rate of this error.
+inline void rotation_error(const Dual* R_target, const Dual* R, Dual* r) {
+  double target[9], own[9], error[3];
+  for (int i = 0; i < 9; ++i) target[i] = R_target[i].value, own[i] = R[i].value;
+  rotation_error(target, own, error);
+  for (int i = 0; i < 3; ++i) r[i] = error[i];
 }
 
 }  // namespace hqp

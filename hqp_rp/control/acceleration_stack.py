@@ -1,0 +1,97 @@
+"""The stack of tasks one level deeper: levels in order of priority and limits, as a problem whose unknown is v-dot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from hqp_rp.control._acceleration_rows import AccelerationRows
+from hqp_rp.control._checks import positive_number
+from hqp_rp.control._stack_rows import StackRows
+from hqp_rp.control.stack import Item, Stack
+from hqp_rp.core.damping import LevelDamping
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.robot.robot import Robot
+
+
+class AccelerationStack(Stack):
+    """Levels of tasks and limits, most important first, and hard limits, for a robot's acceleration v-dot (nv,).
+
+    It reads like `Stack`, and takes the same tasks and limits. With J v = r what a task asks for at the velocity level::
+
+        task     J v-dot = a_ff + kd (feedforward - J v) + kp error - (Jdot v - d/dt feedforward)
+        limit    lower <= G (v + dt v-dot) <= upper      with the rows G, lower, upper that bound the velocity in a `Stack`
+
+    so that `JointLimit` keeps positions, velocities, accelerations and jerks in the same box, which is never empty, as long as
+    the answer is applied as it is meant::
+
+        stack = AccelerationStack([hand, posture], limits=[JointLimit(acceleration=20.0)])
+        robot.update(q)
+        a = hqp_rp.solve(stack.problem(robot, dt, v), solver).require()
+        v = v + dt * a
+        q = robot.integrate(q, v, dt)
+
+    Gains are those of the tasks: `kp`, `kd`, by default gain^2 and 2 gain. Any solver takes the problem: the recursions of
+    reverse priority and of null-space priority are the same at this level, and so is saturation in the null space.
+
+    Jdot v is exact for the library's own tasks. A task of mink or pink, and a class of one's own, states a velocity alone:
+    its rows are `J v-dot = kd (rate - J v) - Jdot v`, with its attribute `kd`, or the stack's. Its Jdot v is what its method
+    `bias_acceleration(robot, v)` (m,) says, where it has one; else it is the central difference of J v along v, right to about
+    1e-8 of |J| |v|^2, for which the robot is moved there and back. The same is done for the centre of mass of parts.
+
+    Args:
+        levels, limits, names, damping: as of `Stack`; `lm_damping` of tasks of mink and pink is not taken over. An error that damping looks at is that of the rows on v-dot.
+        kd: 1/s, > 0, of tasks that state a velocity alone.
+
+    Raises:
+        SettingError: as `Stack`; a kd that is not > 0.
+
+    Source: Siciliano and Slotine 1991, and Nakamura 1991 for priority at the acceleration level.
+    """
+
+    __slots__ = ("_kd",)
+
+    def __init__(
+        self,
+        levels: Sequence[Item | Sequence[Item]],
+        limits: Sequence[Item] = (),
+        *,
+        names: Sequence[str] | None = None,
+        damping: LevelDamping | Sequence[LevelDamping | None] | None = None,
+        kd: float = 20.0,
+    ) -> None:
+        self._kd = positive_number(kd, "kd")
+        super().__init__(levels, limits, names=names, damping=damping)
+
+    def problem(
+        self, robot: Robot, dt: float | None = None, v: ArrayLike | None = None, a: ArrayLike | None = None
+    ) -> Problem:
+        """The prioritized problem at the robot's current configuration and the velocity v.
+
+        Args:
+            robot: at its current configuration; `robot.update(q)` sets it.
+            dt: > 0, s, for how long the answer will be held. Needed by limits and by tasks of mink and pink only.
+            v: (nv,) velocity now, rad/s or m/s.
+            a: (nv,) acceleration before this step, rad/s^2 or m/s^2. Needed by limits on jerks only.
+
+        Raises as `Stack.problem`; `SettingError` where v is missing, `RobotError` for a robot that does not tell Jdot v.
+        """
+        if v is None:
+            raise SettingError("accelerations need the velocity: problem(robot, dt, v); zeros for a robot at rest.")
+        return super().problem(robot, dt, v, a)
+
+    def batch(self, robot: Robot, q: ArrayLike, *args: Any, **settings: Any) -> tuple[FloatArray, FloatArray, Any, IntArray]:
+        """Not for accelerations. Raises `SettingError`."""
+        raise SettingError(f"{self!r} makes no batches: its rows depend on the velocity; call problem() for each q and v.")
+
+    def _with_theirs(
+        self, rows: StackRows, lower: FloatArray, dt: float | None
+    ) -> tuple[LevelDamping | None, ...] | None:
+        """The `lm_damping` of mink and pink is one of displacements, and not taken over."""
+        return self._policies
+
+    def _rows_on(self, robot: Robot, two_sided: bool) -> StackRows:
+        return AccelerationRows((*self._hard, *self._items), robot, two_sided, self._where, kd=self._kd)

@@ -1,0 +1,437 @@
+"""Inverse dynamics as a prioritized problem: accelerations and contact forces, with torques within their limits."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control._contact_rows import ContactRows
+from hqp_rp.control._row_names import velocity_names
+from hqp_rp.control.acceleration_stack import AccelerationStack
+from hqp_rp.control.contact import Contact
+from hqp_rp.control.contact_force_task import ContactForceTask
+from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
+from hqp_rp.control.torque_task import TorqueTask
+from hqp_rp.core.conflict import ROW_NAMES
+from hqp_rp.core.damping import LevelDamping
+from hqp_rp.core.errors import ProblemError, RobotError, SettingError
+from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.robot.robot import Robot
+
+_DYNAMICS = "inverse dynamics"
+CONTACTS = "contacts"
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class InverseDynamics:
+    """How an answer x = (v-dot, f / force_unit) of one problem becomes torques.
+
+    Attributes:
+        map: (d, n) and offset: (d,): the torques of the driven velocities are `map @ x + offset`, N m or N.
+        driven: (d,) their velocity indices.
+        limit: (d,) the greatest |torque|, infinite for none.
+        nv, force_unit: as above.
+        contact_jacobian: (F, nv): forces f act on the joints as `contact_jacobian.T @ f`.
+        degrees: (M,) activation of each row of the levels, None where all are present.
+    """
+
+    map: FloatArray
+    offset: FloatArray
+    driven: IntArray
+    limit: FloatArray
+    nv: int
+    force_unit: float
+    contact_jacobian: FloatArray
+    degrees: FloatArray | None
+
+    def torque(self, x: FloatArray) -> FloatArray:
+        """(d,) torques of the driven velocities for x (n,)."""
+        torque: FloatArray = self.map @ x + self.offset
+        return torque
+
+    def acceleration(self, x: FloatArray) -> FloatArray:
+        """(nv,) v-dot."""
+        return x[: self.nv]
+
+    def forces(self, x: FloatArray) -> FloatArray:
+        """(F,) N, of all contacts' points, each in the axes of its contact."""
+        return x[self.nv :] * self.force_unit
+
+
+class TorqueStack:
+    """Levels of tasks for a robot that is commanded by torques: inverse dynamics with contacts, as a prioritized problem.
+
+    The unknown is x = (v-dot (nv,), f / force_unit), f the forces of all contacts' points; the torques are eliminated::
+
+        M v-dot + h = S^T tau + J_c^T f            equation of motion; S picks the driven velocities
+
+    Hard rows, in this order: the equation of motion of the velocities that are not driven (a floating base, an object that is
+    held); |tau| <= torque of the driven ones; friction and unilateral contact at each point (`Contact`); and `limits`, which
+    bound the velocity after the step as in `AccelerationStack`, joint positions, velocities and accelerations in a box that is
+    never empty. The first level, "contacts", is the motion of the contacts; then come those that are given. Any solver that
+    takes hard rows solves it::
+
+        stack = TorqueStack([com, hand, [posture, even]], [JointLimit(acceleration=50.0)], contacts=[left, right])
+        robot.update(q)
+        problem = stack.problem(robot, dt, v)
+        x = hqp_rp.solve(problem, "hierarchical_active_set").require()
+        tau = stack.dynamics(problem).torque(x)
+
+    `TorqueController` does this at every step, and has a torque when no answer comes.
+
+    Contacts are the first level and not hard rows, since a contact may be asked for what limits and friction do not allow, as
+    after an impact: then it moves as little as possible. Limits on positions and torques are both hard: where the torque at
+    hand cannot stop a joint in time they contradict each other, and the solver says INFEASIBLE. Give `JointLimit` an
+    acceleration that the torques can deliver, or list it as the first level.
+
+    Args:
+        levels: one entry for each level, most important first: a task, or a sequence of tasks whose rows are stacked. Everything
+            that `AccelerationStack` takes, and `ContactForceTask` and `TorqueTask`.
+        limits: hard, as in `AccelerationStack`.
+        contacts: every `Contact` that there may be; one that is open has `activation` 0.
+        torque: N m or N, > 0: one number, (nv,) numbers or a mapping by joint name or pattern; None takes the robot's own
+            `effort_limit`. Infinite for none.
+        driven: names or patterns of the driven joints; None means all but free joints and what the robot lists as
+            `unactuated`.
+        names, damping: one for each of `levels`, as in `AccelerationStack`. A damped level is damped in x: forces in force_unit.
+        force_unit: N, > 0: what counts as much as 1 rad/s^2 in the least norm of x, and in damping. Levels that determine x,
+            such as a posture and evenly shared forces, leave it nothing to decide.
+
+    Raises:
+        SettingError: an item that is none of these, a force task on a contact that is not among `contacts`, or a value out of
+            its range.
+
+    Source: Saab, Ramos, Keith, Mansard, Soueres and Fourquet 2013; Herzog et al. 2016 for eliminating the torques.
+    """
+
+    __slots__ = (
+        "_contact_rows",
+        "_contacts",
+        "_damping",
+        "_driven",
+        "_driven_names",
+        "_force_items",
+        "_force_unit",
+        "_index_of",
+        "_levels",
+        "_limit",
+        "_motion",
+        "_motion_levels",
+        "_names",
+        "_passive",
+        "_robot",
+        "_torque",
+    )
+
+    def __init__(
+        self,
+        levels: Sequence[Any],
+        limits: Sequence[Any] = (),
+        *,
+        contacts: Sequence[Contact] = (),
+        torque: PerJoint = None,
+        driven: Sequence[str] | None = None,
+        names: Sequence[str] | None = None,
+        damping: LevelDamping | Sequence[LevelDamping | None] | None = None,
+        force_unit: float = 100.0,
+    ) -> None:
+        if not isinstance(levels, list | tuple) or not levels:
+            raise SettingError(f"levels is {levels!r}; give a list with at least one level, most important first.")
+        if not isinstance(contacts, list | tuple) or not all(isinstance(contact, Contact) for contact in contacts):
+            raise SettingError(f"contacts is {contacts!r}; give a list of Contact, empty for none.")
+        if len({id(contact) for contact in contacts}) < len(contacts):
+            raise SettingError("contacts holds the same Contact twice; give each once.")
+        self._contacts = tuple(contacts)
+        self._levels = tuple(tuple(level) if isinstance(level, list | tuple) else (level,) for level in levels)
+        own = {id(contact) for contact in contacts}
+        self._force_items: list[tuple[int, ContactForceTask | TorqueTask]] = []
+        motion, self._motion_levels = [], []
+        for k, level in enumerate(self._levels):
+            if not level:
+                raise SettingError(f"level {k + 1} is empty; give it at least one task, or leave the level out.")
+            forces = [item for item in level if isinstance(item, ContactForceTask | TorqueTask)]
+            for item in forces:
+                self._force_items.append((k, item))
+                for contact in item.contacts if isinstance(item, ContactForceTask) else ():
+                    if id(contact) not in own:
+                        raise SettingError(
+                            f"level {k + 1}: {item.name!r} is about {contact.name!r}, which is not among the stack's contacts."
+                        )
+            others = [item for item in level if not isinstance(item, ContactForceTask | TorqueTask)]
+            if others:
+                motion.append(others)
+                self._motion_levels.append(k)
+        if not motion:
+            raise SettingError("levels holds no task on the motion; give at least a PostureTask.")
+        policies = list(damping) if isinstance(damping, list | tuple) else [damping] * len(self._levels)
+        if len(policies) != len(self._levels):
+            raise SettingError(
+                f"damping has {len(policies)} entries for {len(self._levels)} levels; give one policy or None for each, or one "
+                "for all."
+            )
+        self._motion = AccelerationStack(motion, limits, damping=[policies[k] for k in self._motion_levels])
+        for k, level in enumerate(self._levels):
+            if policies[k] is not None and k not in self._motion_levels:
+                raise SettingError(f"level {k + 1} holds forces alone, which need no damping; give None for it.")
+        self._damping = tuple(policies)
+        self._names = self._level_names(names)
+        self._torque = checked_per_joint(torque, "torque")
+        self._driven_names = None if driven is None else tuple(driven)
+        self._force_unit = positive_number(force_unit, "force_unit")
+        self._robot: Robot | None = None
+
+    def _level_names(self, names: Sequence[str] | None) -> tuple[str, ...]:
+        if names is None:
+            return tuple(" + ".join(str(getattr(item, "name", item)) for item in level) for level in self._levels)
+        if isinstance(names, str) or len(names) != len(self._levels):
+            raise SettingError(f"names is {names!r}; give one name for each of the {len(self._levels)} levels.")
+        return tuple(str(name) for name in names)
+
+    @property
+    def levels(self) -> tuple[tuple[Any, ...], ...]:
+        """The items of each level as they were given."""
+        return self._levels
+
+    @property
+    def limits(self) -> tuple[Any, ...]:
+        """The hard limits as they were given."""
+        return self._motion.limits
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contacts as they were given."""
+        return self._contacts
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each level of a problem: "contacts" first where there are contacts."""
+        return (CONTACTS, *self._names) if self._contacts else self._names
+
+    def problem(self, robot: Robot, dt: float, v: ArrayLike, a: ArrayLike | None = None) -> Problem:
+        """The prioritized problem at the robot's current configuration and velocity.
+
+        Args:
+            robot: at its current configuration; `robot.update(q)` sets it. It needs the methods of dynamics that `MujocoRobot`
+                and `PinocchioRobot` have.
+            dt: > 0, s, for how long the torques will be held; limits look ahead by it.
+            v: (nv,) velocity, rad/s or m/s. a: (nv,) acceleration before this step; for limits on jerks only.
+
+        Raises:
+            SettingError: dt, v or a missing or out of range.
+            RobotError: a frame or joint that the robot does not have; a robot without the methods of dynamics.
+            ProblemError: rows that are not finite; it names the level and the item.
+        """
+        motion = self._motion.problem(robot, dt, v, a)
+        if robot is not self._robot:
+            self._meet(robot)
+        velocity = np.ascontiguousarray(v, dtype=np.float64)
+        nv, F = robot.nv, self._contact_rows.jacobian.shape[0]
+        n = nv + F
+        contacts = self._contact_rows
+        contacts.read(velocity)
+        M, h = robot.mass_matrix(), robot.bias(velocity)
+        unit = self._force_unit
+        dynamics = np.empty((nv, n))
+        dynamics[:, :nv] = M
+        np.multiply(contacts.jacobian.T, -unit, out=dynamics[:, nv:])
+        driven, passive, limited = self._driven, self._passive, self._limit < math.inf
+        torque_map, offset = dynamics[driven], h[driven]
+
+        hard, levels = self._shares(motion)
+        tops = [len(passive), int(limited.sum()), len(contacts.cones), motion.hard_rows]
+        force_rows = [self._force_rows(item, torque_map, offset, n) for _, item in self._force_items]
+        counts = self._row_counts(motion, force_rows)
+        first = sum(tops)
+        total = first + sum(counts)
+        matrix, lower, upper = np.zeros((total, n)), np.empty(total), np.empty(total)
+        at = 0
+        rows = slice(at, at := at + tops[0])
+        matrix[rows] = dynamics[passive]
+        lower[rows] = upper[rows] = -h[passive]
+        rows = slice(at, at := at + tops[1])
+        matrix[rows] = torque_map[limited]
+        lower[rows], upper[rows] = (-self._limit - offset)[limited], (self._limit - offset)[limited]
+        rows = slice(at, at := at + tops[2])
+        matrix[rows, nv:] = contacts.cones
+        lower[rows], upper[rows] = contacts.cone_lower / unit, contacts.cone_upper / unit
+        rows = slice(at, at := at + tops[3])
+        matrix[rows, :nv], lower[rows], upper[rows] = hard
+        degrees = np.ones(total - first)
+        if self._contacts:
+            m = len(contacts.motion_rate)
+            rows = slice(at, at := at + m)
+            matrix[rows, :nv] = contacts.motion
+            lower[rows] = upper[rows] = contacts.motion_rate
+            degrees[:m] = contacts.motion_degree
+        own = dict(zip(self._motion_levels, levels, strict=True))
+        forces = iter(zip(self._force_items, force_rows, strict=True))
+        following = next(forces, None)
+        for k in range(len(self._levels)):
+            if k in own:
+                A, low, high = own[k]
+                rows = slice(at, at := at + len(low))
+                matrix[rows, :nv], lower[rows], upper[rows] = A, low, high
+            while following is not None and following[0][0] == k:
+                A, b = following[1]
+                rows = slice(at, at := at + len(b))
+                matrix[rows] = A
+                lower[rows] = upper[rows] = b
+                following = next(forces, None)
+        offsets = np.zeros(len(counts) + 1, dtype=np.int64)
+        np.cumsum(counts, out=offsets[1:])
+        if not (np.isfinite(M).all() and np.isfinite(h).all()):
+            raise ProblemError(f"The mass matrix or the bias torque of {robot!r} is not finite at this q and v.")
+        problem = Problem.from_rows(
+            matrix, lower, upper, offsets, self.names, first, motion.is_equality, self._policies(motion)
+        )
+        fading = bool(self._contacts) and bool(((degrees > 0.0) & (degrees < 1.0)).any())
+        made = InverseDynamics(
+            torque_map, offset, driven, self._limit, nv, unit, contacts.jacobian.copy(), degrees if fading else None
+        )
+        problem.kept = {_DYNAMICS: made, ROW_NAMES: lambda: self._row_names(robot, motion)}
+        return problem
+
+    def dynamics(self, problem: Problem) -> InverseDynamics:
+        """How answers to a problem of this class become torques. Raises `SettingError` for any other problem."""
+        found = (problem.kept or {}).get(_DYNAMICS)
+        if not isinstance(found, InverseDynamics):
+            raise SettingError("this problem was not made by TorqueStack.problem, or was copied; take the one it returned.")
+        return found
+
+    def holding_torque(self, robot: Robot, v: ArrayLike, braking: float) -> FloatArray:
+        """(d,) what compensates gravity and brakes, within the limits; always finite, whatever v is.
+
+        ::
+
+            tau = S (g - J_c^T f - braking diag(M) v)      f: least squares of what carries the passive velocities, f_z >= 0
+        """
+        if robot is not self._robot:
+            self._meet(robot)
+        velocity = np.zeros(robot.nv)
+        with contextlib.suppress(TypeError, ValueError):
+            given = np.asarray(v, dtype=np.float64)
+            velocity = np.where(np.isfinite(given), given, 0.0) if given.shape == velocity.shape else velocity
+        contacts = self._contact_rows
+        contacts.read(np.zeros(robot.nv))
+        torque = np.array(robot.gravity())
+        if len(self._passive) and len(contacts.jacobian):
+            open_forces = np.concatenate([np.full(c.size, c.activation == 0.0) for c in self._contacts])
+            carrying = contacts.jacobian[:, self._passive].T * ~open_forces
+            forces = np.linalg.lstsq(carrying, torque[self._passive], rcond=1e-9)[0]
+            forces[2::3] = np.maximum(forces[2::3], 0.0)
+            torque -= contacts.jacobian.T @ forces
+        torque -= braking * np.diag(robot.mass_matrix()) * velocity
+        torque = torque[self._driven]
+        cut = np.clip(np.where(np.isfinite(torque), torque, 0.0), -self._limit, self._limit)
+        cut.flags.writeable = False
+        return cut
+
+    def _shares(self, motion: Problem) -> tuple[Any, list[Any]]:
+        """Of the motion problem the hard rows, and the rows of each level, as (matrix, lower, upper)."""
+        A, lower, upper, offsets = motion.stacked
+        hard = motion.hard
+        none = np.zeros((0, motion.n)), np.zeros(0), np.zeros(0)
+        top = none if hard is None else (hard.A, hard.lower, hard.upper)
+        return top, [(A[a:b], lower[a:b], upper[a:b]) for a, b in itertools.pairwise(offsets.tolist())]
+
+    def _row_counts(self, motion: Problem, force_rows: list[tuple[FloatArray, FloatArray]]) -> list[int]:
+        counts = [0] * len(self._levels)
+        for k, m in zip(self._motion_levels, np.diff(motion.offsets).tolist(), strict=True):
+            counts[k] += m
+        for (k, _), (_, b) in zip(self._force_items, force_rows, strict=True):
+            counts[k] += len(b)
+        return [len(self._contact_rows.motion_rate), *counts] if self._contacts else counts
+
+    def _force_rows(
+        self, item: ContactForceTask | TorqueTask, torque_map: FloatArray, offset: FloatArray, n: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rows on x, and what they should be, of a task on forces or torques."""
+        if isinstance(item, ContactForceTask):
+            forces = self._contact_rows.jacobian.shape[0]
+            A, b = item.rows(self._index_of, forces)
+            matrix = np.zeros((len(b), n))
+            matrix[:, n - forces :] = A
+            return matrix, b / self._force_unit
+        d = len(offset)
+        for what, value in (("target", np.asarray(item.target)), ("weight", np.asarray(item.weight))):
+            if value.ndim and len(value) != d:
+                raise SettingError(f"the {what} of {item.name!r} has {len(value)} numbers; {d} velocities are driven.")
+        weight = np.broadcast_to(np.asarray(item.weight, dtype=np.float64), (d,))
+        return weight[:, None] * torque_map, weight * (item.target - offset)
+
+    def _policies(self, motion: Problem) -> tuple[LevelDamping | None, ...] | None:
+        if motion.damping is None:
+            return None
+        policies: list[LevelDamping | None] = [None] * len(self._levels)
+        for k, policy in zip(self._motion_levels, motion.damping, strict=True):
+            policies[k] = policy
+        return (None, *policies) if self._contacts else tuple(policies)
+
+    def _meet(self, robot: Robot) -> None:
+        """Find what is driven and where the contacts are on this robot."""
+        missing = [name for name in ("bias", "bias_acceleration") if not hasattr(robot, name)]
+        if missing:
+            raise RobotError(
+                f"a {type(robot).__name__} has no method {missing[0]}(), which inverse dynamics needs; use a MujocoRobot or a "
+                "PinocchioRobot."
+            )
+        for contact in self._contacts:
+            check_frames(robot, [contact.frame, contact.on], f"{contact.name!r}")
+        others = np.asarray(getattr(robot, "unactuated", ()), dtype=np.int64)
+        widths = getattr(robot, "joint_widths", (1,) * len(robot.joint_names))
+        if self._driven_names is None:
+            starts = np.cumsum([0, *widths])
+            free = [i for start, width in zip(starts, widths, strict=False) if width == 6 for i in range(start, start + 6)]
+            driven = np.setdiff1d(np.arange(robot.nv), [*free, *others.tolist()])
+        else:
+            from hqp_rp.control._checks import joint_indices
+
+            driven = np.asarray(joint_indices(robot, list(self._driven_names), "driven"), dtype=np.int64)
+        if not len(driven):
+            raise RobotError("no velocity of this robot is driven: it has no joint but free ones; name the driven joints.")
+        self._driven = driven
+        self._passive = np.setdiff1d(np.arange(robot.nv), [*driven.tolist(), *others.tolist()])
+        own = getattr(robot, "effort_limit", None)
+        default = np.full(robot.nv, math.inf) if own is None else own
+        self._limit = per_joint(self._torque, default, robot, "torque")[driven]
+        self._contact_rows = ContactRows(robot, self._contacts)
+        self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
+        self._robot = robot
+
+    def _row_names(self, robot: Robot, motion: Problem) -> list[tuple[str, str]]:
+        """(group, row) in words of each hard row."""
+        names = velocity_names(robot)
+        told = [("equation of motion", names[i]) for i in self._passive]
+        told += [("joint torque", names[i]) for i in self._driven[self._limit < math.inf]]
+        for contact in self._contacts:
+            faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
+            told += [(contact.name, f"point {i + 1} {face}") for i in range(len(contact.points)) for face in faces]
+        namer = (motion.kept or {}).get(ROW_NAMES)
+        return told + (list(namer()) if namer is not None else [])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arguments = {
+            "contacts": self._contacts,
+            "torque": self._torque,
+            "driven": self._driven_names,
+            "names": self._names,
+            "damping": list(self._damping),
+            "force_unit": self._force_unit,
+        }
+        return _rebuilt, (self._levels, self._motion.limits, arguments)
+
+    def __repr__(self) -> str:
+        contacts = f", {len(self._contacts)} contacts" if self._contacts else ""
+        return f"TorqueStack({' > '.join(self.names)}{contacts})"
+
+
+def _rebuilt(levels: Sequence[Any], limits: Sequence[Any], arguments: dict[str, Any]) -> TorqueStack:
+    return TorqueStack(levels, limits, **arguments)
