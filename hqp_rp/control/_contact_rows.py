@@ -1,14 +1,14 @@
-"""What the contacts of a torque stack contribute on one robot: where their forces act, how they move, which forces may pass."""
+"""What the contacts of a torque stack are on one robot: arrays from which native code makes their rows at every step."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from hqp_rp.control._checks import WORLD
-from hqp_rp.control._rotations import skew
 from hqp_rp.control.contact import Contact
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.frames import frames_of
@@ -21,89 +21,77 @@ class ContactRows:
     Args:
         robot, contacts: whose.
 
-    Attributes, after `read`:
-        jacobian: (F, nv), F forces: the velocity of every point, in the axes of its contact, is `jacobian @ v`; forces f (F,) act
-            on the joints as `jacobian.T @ f`.
-        motion: (R, nv) and motion_rate: (R,): the rows `motion @ a = motion_rate` of all contacts; zero rows for open ones.
-        motion_degree: (R,) activation of each of these rows.
-        cones: (C, F) constant; cone_lower, cone_upper: (C,).
+    Attributes:
+        forces: F, how many unknown forces there are. rows: R, how many motion rows.
         spans: the forces of each contact, as slices of F; motion_spans: its motion rows, as slices of R.
-        axes: (contacts, 3, 3) of each contact to the world.
+        arrays: what `_native.TorqueRows` takes of them; they stay where they are.
+        cones (C, F), cone_lower, cone_upper (C,): friction and unilateral contact, N. degrees: (R,) activation of each motion row.
     """
 
     def __init__(self, robot: Robot, contacts: Sequence[Contact]) -> None:
-        self.robot, self.contacts = robot, tuple(contacts)
+        self.contacts = tuple(contacts)
         names = dict.fromkeys(name for contact in contacts for name in (contact.frame, contact.on) if name != WORLD)
-        self._names = tuple(names)
-        self._frames = frames_of(robot, self._names)
+        self._frames = frames_of(robot, tuple(names))
         number = {name: i for i, name in enumerate(names)}
-        self._pairs = [(number[contact.frame], number.get(contact.on, -1)) for contact in contacts]
-        n = robot.nv
-        self.spans, forces = _spans([contact.size for contact in contacts])
-        self._bases = [contact.motion_basis() for contact in contacts]
-        self.motion_spans, rows = _spans([len(basis) for basis in self._bases])
-        self.jacobian, self.motion = np.zeros((forces, n)), np.zeros((rows, n))
-        self.motion_rate, self.motion_degree = np.zeros(rows), np.ones(rows)
-        self.axes = np.tile(np.eye(3), (len(contacts), 1, 1))
-        self._versions: list[int] = []
-        self.cones, self.cone_lower, self.cone_upper = np.zeros((0, forces)), np.zeros(0), np.zeros(0)
-
-    def read(self, v: FloatArray) -> None:
-        """Bring everything up to date at the robot's configuration and the velocity v (nv,)."""
-        if self._versions != [contact._version for contact in self.contacts]:
-            self._set_up_cones()
-        if not self.contacts:
-            return
+        self.spans, self.forces = _spans([contact.size for contact in contacts])
+        bases = [contact.motion_basis() for contact in contacts]
+        self.motion_spans, self.rows = _spans([len(basis) for basis in bases])
+        table = [
+            (number[c.frame], number.get(c.on, -1), len(c.points), span.start, len(basis), rows.start)
+            for c, basis, span, rows in zip(contacts, bases, self.spans, self.motion_spans, strict=True)
+        ]
+        padded = np.zeros((len(contacts), 6, 6))
+        for own, basis in zip(padded, bases, strict=True):
+            own[: len(basis)] = basis
         frames = self._frames
-        frames.read()
-        twists, biases = frames.motion(v)
-        for k, (contact, (a, b)) in enumerate(zip(self.contacts, self._pairs, strict=True)):
-            J, R = frames.jacobians[a], frames.rotations[a]
-            twist, bias = twists[a], biases[a]
-            surface = np.eye(3) if b < 0 else frames.rotations[b]
-            if b >= 0:  # seen from the surface, at the place of the frame's origin
-                arm = frames.origins[a] - frames.origins[b]
-                omega, across = twists[b, 3:], skew(arm)
-                carried = frames.jacobians[b].copy()
-                carried[:3] -= across @ carried[3:]
-                carried_bias = biases[b].copy()
-                carried_bias[:3] += np.cross(omega, twists[a, :3] - twists[b, :3]) - across @ carried_bias[3:]
-                J, twist, bias = J - carried, twist - carried @ v, bias - carried_bias
-            axes = self.axes[k] = contact.axes(surface)
-            levers = contact.points @ R.T
-            into = axes.T
-            self.jacobian[self.spans[k]] = np.concatenate([into @ (J[:3] - skew(lever) @ J[3:]) for lever in levers])
-            rows, basis = self.motion_spans[k], self._bases[k]
-            if contact.activation == 0.0:
-                self.motion[rows], self.motion_rate[rows] = 0.0, 0.0
-                continue
-            wanted = -bias - contact.kd * twist
-            if len(basis) == 6:
-                self.motion[rows], self.motion_rate[rows] = J, wanted
-            else:
-                # In axes that turn with the frame: what holds a point that is not the origin still as the frame turns about it.
-                wanted[:3] += np.cross(twists[a, 3:], twist[:3])
-                local = np.hstack((basis[:, :3] @ R.T, basis[:, 3:] @ R.T))
-                self.motion[rows], self.motion_rate[rows] = local @ J, local @ wanted
+        self._twists, self._biases = np.zeros((len(names), 6)), np.zeros((len(names), 6))
+        self._axes, self._kd = np.zeros((len(contacts), 3, 3)), np.zeros(len(contacts))
+        self._activation, self.degrees = np.ones(len(contacts)), np.ones(self.rows)
+        self.arrays: dict[str, Any] = {
+            "contacts": np.array(table, dtype=np.int64).reshape(-1, 6),
+            "points": np.concatenate([np.zeros((0, 3)), *(contact.points for contact in contacts)]),
+            "bases": padded,
+            "axes": self._axes,
+            "kd": self._kd,
+            "activation": self._activation,
+            "rotations": frames.rotations,
+            "origins": frames.origins,
+            "jacobians": frames.jacobians,
+            "twists": self._twists,
+            "biases": self._biases,
+        }
+        self._versions: list[int] | None = None
+        self.fading = False
+        self._set_up()
 
-    def _set_up_cones(self) -> None:
-        blocks, lower, upper = [], [], []
-        for contact, span in zip(self.contacts, self.spans, strict=True):
+    def read(self, v: FloatArray) -> bool:
+        """Bring frames, cones and activations up to date for the velocity v (nv,); whether cones or activations changed."""
+        changed = self._versions != [contact._version for contact in self.contacts]
+        if changed:
+            self._set_up()
+        if self.contacts:
+            self._frames.read()
+            self._frames.motion(v, self._twists, self._biases)
+        return changed
+
+    def _set_up(self) -> None:
+        blocks, lower, upper = [np.zeros((0, self.forces))], [np.zeros(0)], [np.zeros(0)]
+        for k, (contact, span) in enumerate(zip(self.contacts, self.spans, strict=True)):
             G, low, up = contact.cone_rows()
-            k = len(contact.points)
-            block = np.zeros((k * len(G), self.jacobian.shape[0]))
-            block[:, span] = np.kron(np.eye(k), G)
+            points = len(contact.points)
+            block = np.zeros((points * len(G), self.forces))
+            block[:, span] = np.kron(np.eye(points), G)
             blocks.append(block)
-            lower.append(np.tile(low, k))
-            upper.append(np.tile(up, k))
-        if blocks:
-            self.cones = np.concatenate(blocks)
-            self.cone_lower, self.cone_upper = np.concatenate(lower), np.concatenate(upper)
-        for contact, rows in zip(self.contacts, self.motion_spans, strict=True):
-            self.motion_degree[rows] = contact.activation
+            lower.append(np.tile(low, points))
+            upper.append(np.tile(up, points))
+            self._axes[k], self._kd[k], self._activation[k] = contact.axes(np.eye(3)), contact.kd, contact.activation
+            self.degrees[self.motion_spans[k]] = contact.activation
+        self.cones = np.concatenate(blocks)
+        self.cone_lower, self.cone_upper = np.concatenate(lower), np.concatenate(upper)
+        self.fading = bool(((self._activation > 0.0) & (self._activation < 1.0)).any())
         self._versions = [contact._version for contact in self.contacts]
 
 
 def _spans(sizes: Sequence[int]) -> tuple[list[slice], int]:
     ends = np.cumsum([0, *sizes]).tolist()
-    return [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)], ends[-1]
+    return [slice(a, b) for a, b in itertools.pairwise(ends)], ends[-1]

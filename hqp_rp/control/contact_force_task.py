@@ -37,7 +37,7 @@ class ContactForceTask:
         SettingError: no contact, or a value of the wrong shape, not finite, or out of its range.
     """
 
-    __slots__ = ("_axes", "_contacts", "_each", "_name", "_target", "_weight")
+    __slots__ = ("_axes", "_contacts", "_each", "_name", "_target", "_version", "_weight")
 
     def __init__(
         self,
@@ -56,6 +56,7 @@ class ContactForceTask:
         self._name = name or f"{', '.join(contact.name for contact in chosen)} force"
         self._axes, _ = axis_rows(axes, LINEAR_AXES, f"axes of {self._name!r}")
         self._each = bool(each)
+        self._version = 0
         self.target = target
         self.weight = weight
 
@@ -82,6 +83,7 @@ class ContactForceTask:
     @target.setter
     def target(self, value: ArrayLike) -> None:
         self._target = finite_vector(value, 3, f"the target of {self._name!r}", "N")
+        self._version += 1
 
     @property
     def weight(self) -> float | FloatArray:
@@ -91,6 +93,13 @@ class ContactForceTask:
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
         self._weight = per_row(value, len(self._axes), f"the weight of {self._name!r}", positive=True)
+        self._version += 1
+
+    @property
+    def size(self) -> int:
+        """How many rows it has."""
+        each = sum(len(contact.points) for contact in self._contacts) if self._each else len(self._contacts)
+        return each * len(self._axes)
 
     def rows(self, spans: dict[int, slice], forces: int) -> tuple[FloatArray, FloatArray]:
         """Matrix (m, F) on the forces of all contacts and their target (m,), scaled by the weight.

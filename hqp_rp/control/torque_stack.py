@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -20,6 +19,7 @@ from hqp_rp.control.contact import Contact
 from hqp_rp.control.contact_force_task import ContactForceTask
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.control.torque_task import TorqueTask
+from hqp_rp.core import _native
 from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
@@ -111,25 +111,6 @@ class TorqueStack:
 
     Source: Saab, Ramos, Keith, Mansard, Soueres and Fourquet 2013; Herzog et al. 2016 for eliminating the torques.
     """
-
-    __slots__ = (
-        "_contact_rows",
-        "_contacts",
-        "_damping",
-        "_driven",
-        "_driven_names",
-        "_force_items",
-        "_force_unit",
-        "_index_of",
-        "_levels",
-        "_limit",
-        "_motion",
-        "_motion_levels",
-        "_names",
-        "_passive",
-        "_robot",
-        "_torque",
-    )
 
     def __init__(
         self,
@@ -233,71 +214,94 @@ class TorqueStack:
         if robot is not self._robot:
             self._meet(robot)
         velocity = np.ascontiguousarray(v, dtype=np.float64)
-        nv, F = robot.nv, self._contact_rows.jacobian.shape[0]
-        n = nv + F
-        contacts = self._contact_rows
-        contacts.read(velocity)
+        contacts, counts = self._contact_rows, np.diff(motion.given_offsets).tolist()
+        if contacts.read(velocity) or counts != self._motion_counts or motion.hard_rows != self._hard_rows:
+            self._lay_out(counts, motion.hard_rows)
         M, h = robot.mass_matrix(), robot.bias(velocity)
-        unit = self._force_unit
-        dynamics = np.empty((nv, n))
-        dynamics[:, :nv] = M
-        np.multiply(contacts.jacobian.T, -unit, out=dynamics[:, nv:])
-        driven, passive, limited = self._driven, self._passive, self._limit < math.inf
-        torque_map, offset = dynamics[driven], h[driven]
-
-        hard, levels = self._shares(motion)
-        tops = [len(passive), int(limited.sum()), len(contacts.cones), motion.hard_rows]
-        force_rows = [self._force_rows(item, torque_map, offset, n) for _, item in self._force_items]
-        counts = self._row_counts(motion, force_rows)
-        first = sum(tops)
-        total = first + sum(counts)
-        matrix, lower, upper = np.zeros((total, n)), np.empty(total), np.empty(total)
-        at = 0
-        rows = slice(at, at := at + tops[0])
-        matrix[rows] = dynamics[passive]
-        lower[rows] = upper[rows] = -h[passive]
-        rows = slice(at, at := at + tops[1])
-        matrix[rows] = torque_map[limited]
-        lower[rows], upper[rows] = (-self._limit - offset)[limited], (self._limit - offset)[limited]
-        rows = slice(at, at := at + tops[2])
-        matrix[rows, nv:] = contacts.cones
-        lower[rows], upper[rows] = contacts.cone_lower / unit, contacts.cone_upper / unit
-        rows = slice(at, at := at + tops[3])
-        matrix[rows, :nv], lower[rows], upper[rows] = hard
-        degrees = np.ones(total - first)
-        if self._contacts:
-            m = len(contacts.motion_rate)
-            rows = slice(at, at := at + m)
-            matrix[rows, :nv] = contacts.motion
-            lower[rows] = upper[rows] = contacts.motion_rate
-            degrees[:m] = contacts.motion_degree
-        own = dict(zip(self._motion_levels, levels, strict=True))
-        forces = iter(zip(self._force_items, force_rows, strict=True))
-        following = next(forces, None)
-        for k in range(len(self._levels)):
-            if k in own:
-                A, low, high = own[k]
-                rows = slice(at, at := at + len(low))
-                matrix[rows, :nv], lower[rows], upper[rows] = A, low, high
-            while following is not None and following[0][0] == k:
-                A, b = following[1]
-                rows = slice(at, at := at + len(b))
-                matrix[rows] = A
-                lower[rows] = upper[rows] = b
-                following = next(forces, None)
-        offsets = np.zeros(len(counts) + 1, dtype=np.int64)
-        np.cumsum(counts, out=offsets[1:])
-        if not (np.isfinite(M).all() and np.isfinite(h).all()):
+        n, driven = robot.nv + contacts.forces, self._driven
+        total = self._total
+        matrix, lower, upper = np.empty((total, n)), np.empty(total), np.empty(total)
+        torque_map, jacobian = np.empty((len(driven), n)), np.empty((contacts.forces, robot.nv))
+        cones = contacts.cones, contacts.cone_lower, contacts.cone_upper
+        given, low, high, _ = motion.with_hard if not motion.on_top else (
+            motion.given,
+            motion.given_lower,
+            motion.given_upper,
+            None,
+        )
+        self._native.fill(
+            matrix, lower, upper, M, h, *cones, given, low, high, self._places, self._contact_place, torque_map, jacobian
+        )
+        offset = h[driven]
+        for item, rows in self._force_places:
+            A, b = self._force_rows(item, torque_map, offset, n)
+            matrix[rows] = A
+            lower[rows] = upper[rows] = b
+        if not math.isfinite(float(M.sum()) + float(h.sum())):
             raise ProblemError(f"The mass matrix or the bias torque of {robot!r} is not finite at this q and v.")
+        policies = None if motion.damping is None else self._policies(motion.damping)
         problem = Problem.from_rows(
-            matrix, lower, upper, offsets, self.names, first, motion.is_equality, self._policies(motion)
+            matrix, lower, upper, self._offsets, self.names, self._first, motion.is_equality, policies
         )
-        fading = bool(self._contacts) and bool(((degrees > 0.0) & (degrees < 1.0)).any())
-        made = InverseDynamics(
-            torque_map, offset, driven, self._limit, nv, unit, contacts.jacobian.copy(), degrees if fading else None
-        )
+        degrees = self._degrees if contacts.fading else None
+        made = InverseDynamics(torque_map, offset, driven, self._limit, robot.nv, self._force_unit, jacobian, degrees)
         problem.kept = {_DYNAMICS: made, ROW_NAMES: lambda: self._row_names(robot, motion)}
         return problem
+
+    def _point_jacobian(self, robot: Robot) -> FloatArray:
+        """(F, nv) velocities of all points of contacts, in their axes, after `read`."""
+        nv, forces = robot.nv, self._contact_rows.forces
+        total = len(self._passive) + len(self._limited) + self._contact_rows.rows
+        none, no_rows, jacobian = np.zeros(0), np.zeros((0, nv)), np.empty((forces, nv))
+        self._native.fill(
+            np.empty((total, nv + forces)),
+            np.empty(total),
+            np.empty(total),
+            np.zeros((nv, nv)),
+            np.zeros(nv),
+            np.zeros((0, forces)),
+            none,
+            none,
+            no_rows,
+            none,
+            none,
+            np.zeros(0, dtype=np.int64),
+            total - self._contact_rows.rows,
+            np.empty((len(self._driven), nv + forces)),
+            jacobian,
+        )
+        return jacobian
+
+    def _lay_out(self, counts: list[int], hard_rows: int) -> None:
+        """Where all rows stand: hard ones, contacts, then each level's rows on accelerations and on forces."""
+        contacts = self._contact_rows
+        first = len(self._passive) + len(self._limited) + len(contacts.cones)
+        places = list(range(first, first + hard_rows))
+        self._first = at = first + hard_rows
+        self._contact_place = at
+        offsets = [0]
+        if self._contacts:
+            at += contacts.rows
+            offsets.append(contacts.rows)
+        own = dict(zip(self._motion_levels, counts, strict=True))
+        self._force_places = []
+        for k in range(len(self._levels)):
+            m = own.get(k, 0)
+            places += range(at, at + m)
+            at += m
+            for level, item in self._force_items:
+                if level == k:
+                    m = item.size if isinstance(item, ContactForceTask) else len(self._driven)
+                    self._force_places.append((item, slice(at, at + m)))
+                    at += m
+            offsets.append(at - self._first)
+        self._total, self._offsets = at, np.array(offsets, dtype=np.int64)
+        self._places = np.array(places, dtype=np.int64)
+        self._degrees = np.ones(at - self._first)
+        if self._contacts:
+            self._degrees[: contacts.rows] = contacts.degrees
+        self._motion_counts, self._hard_rows = counts, hard_rows
+        self._kept_forces: dict[int, tuple[int, FloatArray, FloatArray]] = {}
 
     def dynamics(self, problem: Problem) -> InverseDynamics:
         """How answers to a problem of this class become torques. Raises `SettingError` for any other problem."""
@@ -320,46 +324,34 @@ class TorqueStack:
             given = np.asarray(v, dtype=np.float64)
             velocity = np.where(np.isfinite(given), given, 0.0) if given.shape == velocity.shape else velocity
         contacts = self._contact_rows
-        contacts.read(np.zeros(robot.nv))
         torque = np.array(robot.gravity())
-        if len(self._passive) and len(contacts.jacobian):
-            open_forces = np.concatenate([np.full(c.size, c.activation == 0.0) for c in self._contacts])
-            carrying = contacts.jacobian[:, self._passive].T * ~open_forces
+        if len(self._passive) and contacts.forces:
+            contacts.read(np.zeros(robot.nv))
+            jacobian = self._point_jacobian(robot)
+            closed = np.concatenate([np.full(c.size, c.activation > 0.0) for c in self._contacts])
+            carrying = jacobian[:, self._passive].T * closed
             forces = np.linalg.lstsq(carrying, torque[self._passive], rcond=1e-9)[0]
             forces[2::3] = np.maximum(forces[2::3], 0.0)
-            torque -= contacts.jacobian.T @ forces
+            torque -= jacobian.T @ forces
         torque -= braking * np.diag(robot.mass_matrix()) * velocity
         torque = torque[self._driven]
         cut = np.clip(np.where(np.isfinite(torque), torque, 0.0), -self._limit, self._limit)
         cut.flags.writeable = False
         return cut
 
-    def _shares(self, motion: Problem) -> tuple[Any, list[Any]]:
-        """Of the motion problem the hard rows, and the rows of each level, as (matrix, lower, upper)."""
-        A, lower, upper, offsets = motion.stacked
-        hard = motion.hard
-        none = np.zeros((0, motion.n)), np.zeros(0), np.zeros(0)
-        top = none if hard is None else (hard.A, hard.lower, hard.upper)
-        return top, [(A[a:b], lower[a:b], upper[a:b]) for a, b in itertools.pairwise(offsets.tolist())]
-
-    def _row_counts(self, motion: Problem, force_rows: list[tuple[FloatArray, FloatArray]]) -> list[int]:
-        counts = [0] * len(self._levels)
-        for k, m in zip(self._motion_levels, np.diff(motion.offsets).tolist(), strict=True):
-            counts[k] += m
-        for (k, _), (_, b) in zip(self._force_items, force_rows, strict=True):
-            counts[k] += len(b)
-        return [len(self._contact_rows.motion_rate), *counts] if self._contacts else counts
-
     def _force_rows(
         self, item: ContactForceTask | TorqueTask, torque_map: FloatArray, offset: FloatArray, n: int
     ) -> tuple[FloatArray, FloatArray]:
         """Rows on x, and what they should be, of a task on forces or torques."""
         if isinstance(item, ContactForceTask):
-            forces = self._contact_rows.jacobian.shape[0]
-            A, b = item.rows(self._index_of, forces)
-            matrix = np.zeros((len(b), n))
-            matrix[:, n - forces :] = A
-            return matrix, b / self._force_unit
+            kept = self._kept_forces.get(id(item))
+            if kept is None or kept[0] != item._version:
+                forces = self._contact_rows.forces
+                A, b = item.rows(self._index_of, forces)
+                matrix = np.zeros((len(b), n))
+                matrix[:, n - forces :] = A
+                kept = self._kept_forces[id(item)] = item._version, matrix, b / self._force_unit
+            return kept[1], kept[2]
         d = len(offset)
         for what, value in (("target", np.asarray(item.target)), ("weight", np.asarray(item.weight))):
             if value.ndim and len(value) != d:
@@ -367,11 +359,9 @@ class TorqueStack:
         weight = np.broadcast_to(np.asarray(item.weight, dtype=np.float64), (d,))
         return weight[:, None] * torque_map, weight * (item.target - offset)
 
-    def _policies(self, motion: Problem) -> tuple[LevelDamping | None, ...] | None:
-        if motion.damping is None:
-            return None
+    def _policies(self, motion: Sequence[LevelDamping | None]) -> tuple[LevelDamping | None, ...]:
         policies: list[LevelDamping | None] = [None] * len(self._levels)
-        for k, policy in zip(self._motion_levels, motion.damping, strict=True):
+        for k, policy in zip(self._motion_levels, motion, strict=True):
             policies[k] = policy
         return (None, *policies) if self._contacts else tuple(policies)
 
@@ -402,7 +392,23 @@ class TorqueStack:
         own = getattr(robot, "effort_limit", None)
         default = np.full(robot.nv, math.inf) if own is None else own
         self._limit = per_joint(self._torque, default, robot, "torque")[driven]
+        self._limited = driven[self._limit < math.inf]
         self._contact_rows = ContactRows(robot, self._contacts)
+        if not self._contacts:
+            self._contact_rows.arrays["jacobians"] = np.zeros((0, 6, robot.nv))
+        self._native = _native.TorqueRows(
+            {
+                **self._contact_rows.arrays,
+                "passive": self._passive,
+                "driven": np.ascontiguousarray(driven, dtype=np.int64),
+                "limited": self._limited,
+                "limit": self._limit[self._limit < math.inf],
+            },
+            self._contact_rows.forces,
+            self._force_unit,
+        )
+        self._motion_counts: list[int] | None = None
+        self._hard_rows = -1
         self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
         self._robot = robot
 
@@ -410,7 +416,7 @@ class TorqueStack:
         """(group, row) in words of each hard row."""
         names = velocity_names(robot)
         told = [("equation of motion", names[i]) for i in self._passive]
-        told += [("joint torque", names[i]) for i in self._driven[self._limit < math.inf]]
+        told += [("joint torque", names[i]) for i in self._limited]
         for contact in self._contacts:
             faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
             told += [(contact.name, f"point {i + 1} {face}") for i in range(len(contact.points)) for face in faces]

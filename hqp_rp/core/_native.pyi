@@ -240,3 +240,11 @@ def stop_rise(u: float, c: float, a: float, j: float) -> float:
 
 def saturation_null_space(problem: object, secondary: object | None, rank_tolerance: float, optimal: bool) -> tuple[Any, ...]:
     """(x, scale of each level, finite, tried, unfinished level, missed level), -1 for no level, or two rows in conflict."""
+
+class TorqueRows:
+    """The rows of a torque stack on one robot."""
+
+    def __init__(self, arrays: dict[str, Any], forces: int, unit: float) -> None: ...
+
+    def fill(self, matrix: object, lower: object, upper: object, M: object, h: object, cones: object, cone_lower: object, cone_upper: object, given: object, given_lower: object, given_upper: object, places: object, motion_place: int, map: object, point_jacobian: object) -> None:
+        """Fill all rows but those of tasks on forces."""

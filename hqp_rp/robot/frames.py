@@ -106,18 +106,17 @@ class Frames:
                 )
             self.rotations[f], self.origins[f], self.jacobians[f] = rotation, origin, jacobian
 
-    def motion(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """J v (F, 6) and Jdot v (F, 6), linear over angular in world axes, for v (nv,), after `read`.
+    def motion(self, v: FloatArray, twists: FloatArray, biases: FloatArray) -> None:
+        """Fill J v (F, 6) and Jdot v (F, 6), linear over angular in world axes, for v (nv,), after `read`.
 
         Raises `RobotError` for a robot that does not tell Jdot v.
         """
-        biases = np.zeros((len(self.names), 6))
         for f, name in enumerate(self.names):
             if isinstance(name, Point):
                 biases[f, :3] = _ask(self._robot, "center_of_mass_bias_acceleration")(v)
             else:
                 biases[f] = _ask(self._robot, "bias_acceleration")(name, v)
-        return self.jacobians @ v, biases
+        np.matmul(self.jacobians, v, out=twists)
 
     def move_to(self, rotations: FloatArray, origins: FloatArray, jacobians: FloatArray) -> None:
         """Keep poses and Jacobians in these arrays from now on; shapes as of the attributes."""

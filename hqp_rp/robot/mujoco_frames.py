@@ -67,12 +67,10 @@ class MujocoFrames(Frames):
         assert self.kinematics is not None
         self.kinematics.read(self.rotations, self.origins, self.jacobians)
 
-    def motion(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def motion(self, v: FloatArray, twists: FloatArray, biases: FloatArray) -> None:
         """As `Frames.motion`."""
         assert self.kinematics is not None
-        twists, biases = np.empty((len(self.names), 6)), np.empty((len(self.names), 6))
         self.kinematics.motion(v, twists, biases)
-        return twists, biases
 
     def many(self, q: FloatArray, threads: int | None = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `Frames.many`; of a robot made from an arm, by the arm's own kinematics."""

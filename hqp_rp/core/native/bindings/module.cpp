@@ -17,5 +17,6 @@ NB_MODULE(_native, module) {
   hqp::python::bind_active_set(module);
   hqp::python::bind_qp_cascade(module);
   hqp::python::bind_task_rows(module);
+  hqp::python::bind_torque_rows(module);
   hqp::python::bind_saturation(module);
 }

@@ -42,6 +42,7 @@ void bind_closed_forms(nb::module_& module);
 void bind_active_set(nb::module_& module);
 void bind_qp_cascade(nb::module_& module);
 void bind_task_rows(nb::module_& module);
+void bind_torque_rows(nb::module_& module);
 void bind_saturation(nb::module_& module);
 
 }  // namespace hqp::python
