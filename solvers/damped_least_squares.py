@@ -12,6 +12,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm, as_one, as_one_level
 from hqp_rp.core.damping import ConstantDamping, Damping
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution
 
@@ -38,7 +39,8 @@ class DampedLeastSquares(ClosedForm):
 
     Args:
         damping: eta; constant(0.1) by default, variable (18)-(19), truncation, or none.
-        weight: W, symmetric positive definite (n, n), or (n,) for a diagonal; None means the identity.
+        weight: W, symmetric positive definite (n, n), or (n,) for a diagonal; None means the problem's own metric, or the
+            identity.
 
     Source: the paper, (6)-(7), (14)-(19); Wampler 1986; Nakamura and Hanafusa 1986.
     """
@@ -66,12 +68,18 @@ class DampedLeastSquares(ClosedForm):
     def refuses(self, problem: Problem) -> str | None:
         if self.root is not None and len(self.root) != problem.n:
             return f"weight is for {len(self.root)} unknowns and the problem has {problem.n}."
+        if self.root is not None and problem.metric is not None:
+            return (
+                "damped_least_squares has a weight and the problem a metric, which are the same thing; give one or the other."
+            )
         return super().refuses(problem)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         refusal = self._refusal(problem)
         if refusal is not None:
             return refusal
+        if problem.metric is not None:
+            return solve_in_metric(problem, secondary, self.solve)
         if self.root is None:
             return as_one_level(super().solve, problem, secondary)
         # With W = R^T R and y = R x, ||x||_W = ||y||: plain damping of J R^-1.

@@ -14,6 +14,7 @@ from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.extras import require
 from hqp_rp.core.level_damping import solve_damped
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem, Stacked
 from hqp_rp.core.qp_backend import check_positive
 from hqp_rp.core.solution import Solution, Status
@@ -131,6 +132,7 @@ class Daqp(Solver):
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
+    takes_metric: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("accept", "rho", "primal_tol"):
@@ -156,6 +158,8 @@ class Daqp(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
+        if problem.metric is not None:
+            return solve_in_metric(problem, secondary, self.solve)
         if problem.damping is not None:
             return solve_damped(problem, secondary, self.solve)
         solution = self._solve(problem, secondary)

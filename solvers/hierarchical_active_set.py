@@ -10,6 +10,7 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
@@ -63,6 +64,7 @@ class HierarchicalActiveSet(Solver):
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
+    takes_metric: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
@@ -90,6 +92,8 @@ class HierarchicalActiveSet(Solver):
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
         if secondary is not None:
             secondary = checked_secondary(secondary, problem.n)
+        if problem.metric is not None:
+            return solve_in_metric(problem, secondary, self.solve)
         found: Any = self._native.solve(problem, secondary)
         if type(found) is not tuple:
             solution: Solution = found

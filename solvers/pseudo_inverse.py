@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm, as_one, as_one_level
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution
 
@@ -41,7 +42,10 @@ class PseudoInverse(ClosedForm):
         return _native.null_space(self.rank_tolerance, self.damping.kind, *self.damping.parameters)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
-        return self._refusal(problem) or as_one_level(super().solve, problem, secondary)
+        refusal = self._refusal(problem)
+        if refusal is None and problem.metric is not None:
+            return solve_in_metric(problem, secondary, self.solve)
+        return refusal or as_one_level(super().solve, problem, secondary)
 
     def solve_many(
         self,

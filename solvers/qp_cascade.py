@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_damping import solve_damped
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
 from hqp_rp.core.qp_workspace import Workspace
@@ -60,6 +61,7 @@ class QpCascade(Solver):
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
+    takes_metric: ClassVar[bool] = True
 
     backend: str = "proxqp"
     eps_abs: float = 1e-9
@@ -88,6 +90,8 @@ class QpCascade(Solver):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The lexicographic optimum nearest to `secondary` (n,); see `Solver.solve`."""
+        if problem.metric is not None:
+            return solve_in_metric(problem, checked_secondary(secondary, problem.n), self.solve)
         if problem.damping is not None:
             return solve_damped(problem, checked_secondary(secondary, problem.n), self.solve)
         workspace = self._workspace

@@ -12,6 +12,7 @@ from hqp_rp.core.closed_form import ClosedForm
 from hqp_rp.core.damping import ConstantDamping, NoDamping
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_damping import solve_with_damped_targets
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.stacked import load
@@ -81,6 +82,8 @@ class ReversePriorityUnilateral(ClosedForm):
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         """The answer with the least disturbance of the levels; see `Solver.solve`."""
+        if problem.metric is not None and self.refuses(problem) is None:
+            return solve_in_metric(problem, secondary, self.solve)
         if problem.damping is not None and self.refuses(problem) is None:
             return solve_with_damped_targets(problem, secondary, self.rank_tolerance, self.solve)
         hard = problem.hard

@@ -10,6 +10,7 @@ import numpy as np
 from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_damping import solve_with_damped_targets
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
@@ -88,6 +89,7 @@ class SaturationNullSpace(Solver):
     source: ClassVar[str] = "Flacco, De Luca and Khatib 2012, 2015"
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
+    takes_metric: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:
@@ -108,6 +110,11 @@ class SaturationNullSpace(Solver):
                     f"saturation_null_space takes hard bounds on single unknowns only; hard row {wide[0]} has several "
                     "non-zero entries. Use a solver that takes general rows, such as qp_cascade."
                 )
+            if problem.metric is not None and problem.hard.m and np.count_nonzero(problem.metric) > problem.n:
+                return (
+                    "saturation_null_space takes a metric beside hard rows where it is diagonal, so that a box stays a box; use a "
+                    "solver that takes general rows, such as hierarchical_active_set."
+                )
         return super().refuses(problem)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
@@ -118,6 +125,9 @@ class SaturationNullSpace(Solver):
                 return refusal
         if secondary is not None:
             secondary = checked_secondary(secondary, problem.n)
+        if problem.metric is not None:
+            refusal = self._refusal(problem)
+            return solve_in_metric(problem, secondary, self.solve) if refusal is None else refusal
         if problem.damping is not None:
             return solve_with_damped_targets(problem, secondary, self.rank_tolerance, self.solve)
         found: Any = _native.saturation_null_space(problem, secondary, self.rank_tolerance, self.variant == "optimal")

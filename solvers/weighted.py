@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
 from hqp_rp.core.qp_workspace import Workspace
@@ -54,6 +55,7 @@ class Weighted(Solver):
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
+    takes_metric: ClassVar[bool] = True
 
     ratio: float = 1e-4
     weights: tuple[float, ...] | None = None
@@ -96,6 +98,8 @@ class Weighted(Solver):
         refusal = self._refusal(problem)
         if refusal is not None:
             return refusal
+        if problem.metric is not None:
+            return solve_in_metric(problem, secondary, self.solve)
         start = np.zeros(problem.n) if secondary is None else secondary
         A, lower, upper = self._stacked(problem, start)
         if problem.is_equality and (problem.hard is None or problem.hard.m == 0):

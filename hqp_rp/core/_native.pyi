@@ -16,7 +16,7 @@ Sides = NDArray[np.int8]
 class Problem:
     """The native half of `hqp_rp.Problem`: its arrays, and a view of them."""
 
-    def __init__(self, matrix: object, lower: object, upper: object, offsets: object, names: object, hard_rows: int, hard: object | None, is_equality: bool, damping: object | None = None) -> None:
+    def __init__(self, matrix: object, lower: object, upper: object, offsets: object, names: object, hard_rows: int, hard: object | None, is_equality: bool, damping: object | None = None, metric: object | None = None) -> None:
         """
         Takes arrays as they are, hard rows on top of the levels' rows (hard_rows of them) or apart (hard, a Level). TypeError and ValueError for arrays that do not fit.
         """
@@ -65,6 +65,10 @@ class Problem:
     @property
     def damping(self) -> tuple[Any, ...] | None:
         """One policy or None for each level, or None where no level is damped."""
+
+    @property
+    def metric(self) -> Any:
+        """W (n, n) of the norm of the unknown, or None for the plain one."""
 
     @property
     def on_top(self) -> bool:

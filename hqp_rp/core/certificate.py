@@ -23,6 +23,7 @@ from hqp_rp.core.diagnostics import (
     two_norm,
 )
 from hqp_rp.core.level_damping import damped_level
+from hqp_rp.core.metric import symmetric_root, with_inverse
 from hqp_rp.core.nearest_point import nearest_point
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
@@ -131,6 +132,8 @@ def certify(
     it was solved: of all points that earlier levels and hard rows allow and at which its rows have the violation that they
     have at x, the one with the least `||D_k x - d_k||`. Later levels then find its rows where x has them.
 
+    With a metric W all of this is said of y = W^(1/2) x, by the symmetric root, which no solver uses.
+
     Args:
         problem: the problem that x answers.
         x: (n,) finite.
@@ -148,6 +151,10 @@ def certify(
     goal = np.zeros(problem.n) if secondary is None else checked_point(secondary, problem.n, "secondary")
     require_tolerance("tolerance", tolerance)
     require_tolerance("rank_tolerance", rank_tolerance)
+    if problem.metric is not None:
+        root, inverse = symmetric_root(problem.metric)
+        plain = with_inverse(problem, inverse)
+        return certify(plain, root @ point, root @ goal, tolerance, rank_tolerance=rank_tolerance)
     judge = _Judge(point, max(tolerance, TOLERANCE), rank_tolerance, rounding_at_zero(problem, point))
     hard_violation, relative_hard = judge.hard(problem.hard)
     levels = tuple(judge.level(level, damped_level(problem, k)) for k, level in enumerate(problem.levels))

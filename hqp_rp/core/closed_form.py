@@ -14,6 +14,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.damping import Damping, NoDamping, checked_damping
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_damping import solve_damped
+from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
@@ -59,6 +60,7 @@ class ClosedForm(Solver):
     damping: Damping = NoDamping()
     rank_tolerance: float = RANK_TOLERANCE
 
+    takes_metric: ClassVar[bool] = True
     exact_levels: ClassVar[int] = 0
     """On up to this many levels the undamped form returns the lexicographic optimum, in exact arithmetic."""
 
@@ -102,6 +104,8 @@ class ClosedForm(Solver):
             refusal = self._refusal(problem)
             if refusal is not None:
                 return refusal
+            if problem.metric is not None:
+                return solve_in_metric(problem, secondary, self.solve)
             if problem.damping is not None:
                 return solve_damped(problem, secondary, self.solve)
             return self._in_numpy(problem, secondary)

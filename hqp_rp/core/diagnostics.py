@@ -103,6 +103,8 @@ def diagnose(
         rank_tolerance: a singular value of A_k Z counts as zero when <= rank_tolerance * ||A_k||_2, >= 0.
         active_tolerance: see `ACTIVE_TOLERANCE`.
 
+    With a metric, ranks and singular values are those of A_k R^-1 (`hqp_rp.core.metric`).
+
     Raises:
         ProblemError: x is not n finite numbers.
         SettingError: a tolerance that is negative or not finite.
@@ -119,9 +121,7 @@ def diagnose(
         chosen = [level.A[binding(level, point, active_tolerance)] for level in problem.levels]
     hard = problem.hard
     first = None if hard is None or not hard.m else hard.A[binding(hard, point, active_tolerance)]
-    ranks = _spectra(
-        ((level.A, rows) for level, rows in zip(problem.levels, chosen, strict=True)), first, rank_tolerance
-    )
+    ranks = _spectra(*_in_metric(problem, chosen, first), rank_tolerance)
     return tuple(
         LevelReport(
             name=name,
@@ -142,7 +142,24 @@ def spectra(problem: Problem, rank_tolerance: float = RANK_TOLERANCE) -> tuple[S
     Hard rows are left out. Raises `SettingError` when rank_tolerance is negative or not finite.
     """
     require_tolerance("rank_tolerance", rank_tolerance)
-    return tuple(_spectra(((level.A, level.A) for level in problem.levels), None, rank_tolerance))
+    return tuple(_spectra(*_in_metric(problem, [level.A for level in problem.levels], None), rank_tolerance))
+
+
+def _in_metric(
+    problem: Problem, chosen: list[FloatArray], first: FloatArray | None
+) -> tuple[list[tuple[FloatArray, FloatArray]], FloatArray | None]:
+    """(A_k, its chosen rows) of each level and the first rows, as rows on y where the problem has a metric."""
+    pairs = [(level.A, rows) for level, rows in zip(problem.levels, chosen, strict=True)]
+    if problem.metric is None:
+        return pairs, first
+    from hqp_rp.core.metric import in_metric
+
+    inverse = in_metric(problem).inverse
+    turned = []
+    for A, rows in pairs:
+        whole = A @ inverse
+        turned.append((whole, whole if len(rows) == len(A) else rows @ inverse))
+    return turned, None if first is None else first @ inverse
 
 
 def _spectra(

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.core.diagnostics import checked_point, norm, normalised, two_norm
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.metric import in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.truth import Truth, truth
@@ -69,7 +70,7 @@ def distance(
             and problem.damping is None
             and (problem.hard is None or not problem.hard.m)
         ):
-            answer, error = orthogonal_cascade(problem, goal, rank_tolerance)
+            answer, error = _cascade(problem, goal, rank_tolerance)
             if error <= RESOLUTION:
                 return Distance(relative_distance(point, answer), "double precision", error, False)
         known = truth(problem, goal, rank_tolerance, start=point)
@@ -78,6 +79,15 @@ def distance(
     if known.x is None:
         return Distance(math.nan, known.method, 0.0, known.ambiguous)
     return Distance(relative_distance(point, known.x), known.method, float(np.finfo(np.float64).eps), known.ambiguous)
+
+
+def _cascade(problem: Problem, goal: FloatArray, rank_tolerance: float) -> tuple[FloatArray, float]:
+    """`orthogonal_cascade`, through the change of variables where there is a metric, whose condition the error grows by."""
+    if problem.metric is None:
+        return orthogonal_cascade(problem, goal, rank_tolerance)
+    turned = in_metric(problem)
+    answer, error = orthogonal_cascade(turned.problem, turned.root @ goal, rank_tolerance)
+    return turned.inverse @ answer, error * (1.0 + two_norm(turned.root) * two_norm(turned.inverse)) ** 2
 
 
 def relative_distance(x: FloatArray, y: FloatArray) -> float:

@@ -19,8 +19,8 @@ from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import Level, Problem
 
 FORMAT = "hqp_rp problem"
-VERSION = 2
-"""1 had no damping; a problem without damping is still written as 1."""
+VERSION = 3
+"""1 had no damping, 2 no metric; a problem is written as the least version that can hold it."""
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
@@ -30,7 +30,7 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
 
     The .npz holds `format`, `version`, `matrix` (M, n), `lower`, `upper` (M,), `offsets` (p + 1,), `names` (p,), when
     there are hard rows `hard_A`, `hard_lower`, `hard_upper`, `hard_name`, where a level is damped `damping_kind` (p,) and
-    `damping_parameters` (p, 2), and `metadata`, a JSON object. Every float
+    `damping_parameters` (p, 2), where there is one `metric` (n, n), and `metadata`, a JSON object. Every float
     comes back to the last bit.
 
     Args:
@@ -65,6 +65,8 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
         policies = [policy or NoDamping() for policy in problem.damping]
         arrays["damping_kind"] = np.array([policy.kind for policy in policies])
         arrays["damping_parameters"] = np.array([policy.parameters for policy in policies])
+    if problem.metric is not None:
+        arrays["metric"] = problem.metric
     partial = target.with_name(f".{target.name}.{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
     try:
         with partial.open("xb") as file:
@@ -79,7 +81,9 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
 
 def version_of(problem: Problem) -> int:
     """The format version that a file with this problem has."""
-    return 1 if problem.damping is None else VERSION
+    if problem.metric is not None:
+        return VERSION
+    return 1 if problem.damping is None else 2
 
 
 def load_problem(path: PathLike) -> Problem:
@@ -138,6 +142,7 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
             names=[str(name) for name in np.atleast_1d(arrays["names"])],
             hard=hard,
             damping=_damping(arrays),
+            metric=arrays.get("metric"),
         )
         metadata = json.loads(str(arrays["metadata"]))
     except KeyError as error:

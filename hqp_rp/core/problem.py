@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, TypeVar, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hqp_rp.core import _native
 from hqp_rp.core.arrays import require_arrays
@@ -39,11 +40,13 @@ class Problem(_native.Problem):
     where `v_k(x)` is the violation of `lower_k <= A_k x <= upper_k` (for an equality, `A_k x - b_k`). The last term
     makes the answer unique: among all lexicographic optima, the one of least norm. A level with damping minimizes
     `||v_k(x)||^2 + ||D_k x - d_k||^2` instead, and the levels after it keep what its rows reached; see
-    `hqp_rp.core.level_damping`.
+    `hqp_rp.core.level_damping`. With a metric W, ||x||_W = sqrt(x^T W x) takes the place of ||x|| in all of this, damping and
+    the rank rule included; see `hqp_rp.core.metric`.
 
     Args:
         levels: the levels, most important first; every level has the same number of unknowns.
         hard: rows that no answer may violate; optional.
+        metric: W (n, n), symmetric positive definite, or (n,) for a diagonal; None means the identity.
 
     Attributes:
         matrix: (M, n), all levels stacked, C-contiguous and read-only.
@@ -52,19 +55,20 @@ class Problem(_native.Problem):
         names: p strings.
         hard: `Level` or None.
         damping: p policies or Nones, or None where no level is damped.
+        metric: (n, n), read-only, or None.
         n, p: number of unknowns and of levels.
         is_equality: every row of every level is an equality.
         rows, hard_rows: how many rows the levels have together, and how many are hard.
 
     Raises:
-        ProblemError: no level, no unknown, or levels that do not fit together; it names the level and the remedy.
+        ProblemError: no level, no unknown, levels that do not fit together, or a metric that is none; it names the remedy.
 
     Source: equations (2), (9) of the paper; Escande, Mansard and Wieber 2014 for two-sided rows at any level.
     """
 
     __slots__ = ()
 
-    def __init__(self, levels: Sequence[Level], hard: Level | None = None) -> None:
+    def __init__(self, levels: Sequence[Level], hard: Level | None = None, *, metric: ArrayLike | None = None) -> None:
         levels = checked_levels(levels, hard)
         on_top = 0 if hard is None else hard.m
         everything = levels if hard is None else [hard, *levels]
@@ -78,7 +82,8 @@ class Problem(_native.Problem):
         matrix = np.ascontiguousarray(np.concatenate([level.A for level in everything], axis=0))
         names = tuple(level.name or f"level {k + 1}" for k, level in enumerate(levels))
         damping = tuple(level.damping for level in levels) if any(level.damping for level in levels) else None
-        super().__init__(matrix, lower, upper, offsets, names, on_top, None, equality, damping)
+        W = None if metric is None else _checked_metric(metric, matrix.shape[1])
+        super().__init__(matrix, lower, upper, offsets, names, on_top, None, equality, damping, W)
         if hard is not None:
             self.kept = {"hard": hard}
 
@@ -93,22 +98,23 @@ class Problem(_native.Problem):
         names: Sequence[str] | None = None,
         hard: Level | None = None,
         damping: Sequence[LevelDamping | None] | None = None,
+        metric: ArrayLike | None = None,
         check: bool = True,
     ) -> Problem:
         """The same problem from stacked arrays: matrix (M, n), lower, upper (M,), offsets (p + 1,).
 
-        damping: one policy or None for each level; None for none at all.
+        damping: one policy or None for each level; None for none at all. metric: as `Problem`; unchecked it must be (n, n).
 
         With `check=False`, the fast path of a control loop: nothing is copied or checked, so the arrays must be
         C-contiguous float64 (offsets int64), must satisfy what `Level` demands, and must not be written to while the problem
         is in use. Pass the same array as `lower` and `upper` for a pure equality problem.
         """
         if check:
-            return cls(split_levels(matrix, lower, upper, offsets, names, damping), hard)
+            return cls(split_levels(matrix, lower, upper, offsets, names, damping), hard, metric=metric)
         if names is None:
             names = [f"level {k + 1}" for k in range(len(offsets) - 1)]
         equality = lower is upper or bool((lower == upper).all())
-        return cls._of(matrix, lower, upper, offsets, tuple(names), 0, hard, equality, _damping(damping))
+        return cls._of(matrix, lower, upper, offsets, tuple(names), 0, hard, equality, _damping(damping), metric)
 
     @classmethod
     def from_rows(
@@ -121,6 +127,7 @@ class Problem(_native.Problem):
         hard_rows: int,
         is_equality: bool,
         damping: tuple[LevelDamping | None, ...] | None = None,
+        metric: FloatArray | None = None,
     ) -> Problem:
         """The problem whose first `hard_rows` rows are hard, above those of its levels; nothing is checked or copied.
 
@@ -128,8 +135,9 @@ class Problem(_native.Problem):
             matrix, lower, upper: (hard_rows + M, n), (hard_rows + M,), of all rows; offsets: (p + 1,) of the levels alone.
             names: of the levels. is_equality: whether every row of every level is an equality.
             damping: one policy or None for each level, at least one that is not None; or None.
+            metric: (n, n), symmetric positive definite and C-contiguous, or None.
         """
-        return cls._of(matrix, lower, upper, offsets, names, hard_rows, None, is_equality, damping)
+        return cls._of(matrix, lower, upper, offsets, names, hard_rows, None, is_equality, damping, metric)
 
     @classmethod
     def _of(cls, *arrays: Any) -> Problem:
@@ -137,7 +145,7 @@ class Problem(_native.Problem):
         try:
             _native.Problem.__init__(problem, *arrays)
         except (TypeError, ValueError):
-            matrix, lower, upper, offsets, names, _, hard, _, _ = arrays
+            matrix, lower, upper, offsets, names, _, hard, *_ = arrays
             require_arrays(matrix, lower, upper, offsets, names, hard)
             raise
         return problem
@@ -246,13 +254,14 @@ class Problem(_native.Problem):
         raise AttributeError(f"A Problem is read-only: build a new one instead of setting {name!r}.")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_rebuild, (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard, self.damping))
+        return (_rebuild, (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard, self.damping, self.metric))
 
     def __repr__(self) -> str:
         rows = " + ".join(str(int(m)) for m in np.diff(self.offsets))
         hard = f", {self.hard.m} hard rows" if self.hard is not None else ""
         damped = "" if self.damping is None else f", damping {', '.join(str(policy) for policy in self.damping)}"
-        return f"Problem({rows} rows on {self.n} unknowns{hard}{damped})"
+        metric = "" if self.metric is None else ", with a metric"
+        return f"Problem({rows} rows on {self.n} unknowns{hard}{damped}{metric})"
 
 
 def _rebuild(
@@ -263,8 +272,15 @@ def _rebuild(
     names: tuple[str, ...],
     hard: Level | None,
     damping: tuple[LevelDamping | None, ...] | None = None,
+    metric: FloatArray | None = None,
 ) -> Problem:
-    return Problem.from_stacked(matrix, lower, upper, offsets, names=names, hard=hard, damping=damping)
+    return Problem.from_stacked(matrix, lower, upper, offsets, names=names, hard=hard, damping=damping, metric=metric)
+
+
+def _checked_metric(metric: ArrayLike, n: int) -> FloatArray:
+    from hqp_rp.core.metric import checked_metric
+
+    return checked_metric(metric, n)
 
 
 def _damping(damping: Sequence[LevelDamping | None] | None) -> tuple[LevelDamping | None, ...] | None:

@@ -33,6 +33,7 @@ class Solver(abc.ABC):
         source: where it comes from (paper and equation).
         takes_inequalities, takes_hard: whether it accepts two-sided rows and hard rows.
         takes_damping: whether it accepts damping of single levels (`hqp_rp.core.level_damping`).
+        takes_metric: whether it accepts a metric on the unknown (`hqp_rp.core.metric`).
     """
 
     name: ClassVar[str]
@@ -41,6 +42,7 @@ class Solver(abc.ABC):
     takes_inequalities: ClassVar[bool] = False
     takes_hard: ClassVar[bool] = False
     takes_damping: ClassVar[bool] = False
+    takes_metric: ClassVar[bool] = False
 
     @property
     def tolerance(self) -> float:
@@ -65,6 +67,8 @@ class Solver(abc.ABC):
                 f"{self.name} knows no damping of single levels; give the solver its own damping where it has one, or use one "
                 "that takes it, such as hierarchical_active_set."
             )
+        if problem.metric is not None and not self.takes_metric:
+            return f"{self.name} knows no metric on the unknown; use a solver that takes it, such as hierarchical_active_set."
         return None
 
     @abc.abstractmethod

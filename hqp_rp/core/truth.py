@@ -5,16 +5,18 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from flint import fmpz_mat
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.diagnostics import checked_point, norm, normalised, two_norm, violation
 from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.level_damping import as_reached
+from hqp_rp.core.metric import in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.tolerances import ROUNDED
-from hqp_rp.core.truth_exact import AffineSet, Unit, exact_norm, stacked_ranks
+from hqp_rp.core.truth_exact import AffineSet, Rows, Unit, exact_norm, matrix_of, metric_rows, stacked_ranks
 from hqp_rp.core.truth_rule import BORDERLINE, solve_by_rule
 
 SAME = 1e-8
@@ -78,6 +80,8 @@ def truth(
         start: (n,) a guess of the optimum, such as a solver's answer, from which the search with inequality or hard rows
             starts; unused without them. It decides how long that takes, not what the exact answer is.
 
+    With a metric W the nearest is meant in ||.||_W, W to the last bit, and the rank rule looks at A_k R^-1, W = R^T R.
+
     A level with damping is solved exactly as what it is; what it reached is rounded to double precision before the next level.
 
     Raises:
@@ -104,18 +108,42 @@ def truths(
     goal = np.zeros(problem.n) if secondary is None else checked_point(secondary, problem.n, "secondary")
     guess = None if start is None else checked_point(start, problem.n, "start")
     if problem.damping is not None:
-        return _damped(problem, goal, tolerance, guess)
+        damped = _damped if problem.metric is None else _damped_in_metric
+        return damped(problem, goal, tolerance, guess)
     if not problem.is_equality or (problem.hard is not None and problem.hard.m):
         return _with_inequalities(problem, goal, tolerance, guess)
     levels = [(level.A, level.lower) for level in problem.levels]
     exact_ranks = stacked_ranks([A for A, _ in levels], problem.n)
-    if clear_cut([A for A, _ in levels], exact_ranks, tolerance):
-        return _rational(levels, goal, exact_ranks, ""), None
-    by_rule = solve_by_rule(levels, goal, tolerance)
+    if clear_cut(_in_metric(problem, [A for A, _ in levels]), exact_ranks, tolerance):
+        return _rational(levels, goal, exact_ranks, "", problem.metric), None
+    by_rule = solve_by_rule(levels, goal, tolerance, problem.metric)
     reason = _reason(exact_ranks, by_rule.ranks, by_rule.borderline, tolerance)
     method = f"{by_rule.bits}-bit arithmetic, rank tolerance {tolerance:g}"
     rule = Truth(by_rule.x, np.array(by_rule.residuals), by_rule.ranks, bool(reason), reason, method)
-    return _rational(levels, goal, exact_ranks, reason), rule
+    return _rational(levels, goal, exact_ranks, reason, problem.metric), rule
+
+
+def _in_metric(problem: Problem, matrices: list[FloatArray]) -> list[FloatArray]:
+    """The same rows on y, where the problem has a metric."""
+    if problem.metric is None:
+        return matrices
+    inverse = in_metric(problem).inverse
+    return [A @ inverse for A in matrices]
+
+
+def _damped_in_metric(
+    problem: Problem, goal: FloatArray, tolerance: float, guess: FloatArray | None
+) -> tuple[Truth, Truth | None]:
+    """By the change of variables in double precision: damping rows are rounded, whichever variables they are in."""
+    turned = in_metric(problem)
+    start = turned.forth(guess)
+    found = _damped(turned.problem, turned.root @ goal, tolerance, start)
+    stated = [
+        None if answer is None else _as_stated(problem, dataclasses.replace(answer, x=turned.back(answer.x)))
+        for answer in found
+    ]
+    assert stated[0] is not None
+    return stated[0], stated[1]
 
 
 def _damped(
@@ -139,13 +167,22 @@ def _as_stated(problem: Problem, answer: Truth) -> Truth:
 
 
 def _rational(
-    levels: list[tuple[FloatArray, FloatArray]], secondary: FloatArray, ranks: tuple[int, ...], reason: str
+    levels: list[tuple[FloatArray, FloatArray]],
+    secondary: FloatArray,
+    ranks: tuple[int, ...],
+    reason: str,
+    metric: FloatArray | None = None,
 ) -> Truth:
     unit = Unit.fitting(levels, secondary)
     optima = AffineSet(len(secondary))
     for A, b in levels:
         optima.minimize(unit.rows(A, b))
-    u = optima.nearest(unit.vector(secondary))
+    goal = unit.vector(secondary)
+    if metric is not None and optima.dimension:
+        last = metric_rows(metric, len(secondary))
+        targets = [sum(a * b for a, b in zip(row, goal.numerators, strict=True)) for row in last]
+        optima.minimize(Rows(matrix_of(last, len(secondary)), fmpz_mat(len(targets), 1, targets)))
+    u = optima.nearest(goal)
     residuals = np.array([exact_norm(A, b, u, unit) for A, b in levels])
     return Truth(unit.floats(u), residuals, ranks, bool(reason), reason, "exact rational arithmetic")
 
@@ -164,9 +201,9 @@ def _with_inequalities(
     x, matrices = answer.x, answer.binding
     ranks = stacked_ranks(matrices, problem.n)
     reason = ""
-    clear = clear_cut(matrices, ranks, tolerance)
+    clear = clear_cut(_in_metric(problem, matrices), ranks, tolerance)
     if not clear:
-        binding = solve_by_rule([(A, np.zeros(len(A))) for A in matrices], secondary, tolerance)
+        binding = solve_by_rule([(A, np.zeros(len(A))) for A in matrices], secondary, tolerance, problem.metric)
         reason = _reason(ranks, binding.ranks, binding.borderline, tolerance)
     rule = None
     # Ranks of the rows that bind do not show a row that rounding alone made bind: the certificate does.

@@ -22,7 +22,7 @@ from flint import fmpq, fmpz_mat
 from hqp_rp.core.errors import WorkLimitError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.truth_cone import held, nonnegative_residual
-from hqp_rp.core.truth_exact import AffineSet, RationalVector, Rows, Unit, matrix_of, rational
+from hqp_rp.core.truth_exact import AffineSet, RationalVector, Rows, Unit, matrix_of, metric_rows, rational
 from hqp_rp.core.truth_rows import IntegerRows, finite_bounds, guessed, levels_of
 
 WORK_LIMIT = 5000
@@ -65,8 +65,9 @@ def solve_active_set(
         u = region.minimize(level_rows, u)
         if k == 0 and level_rows.square(u):
             return None
-    identity = [[int(i == j) for j in range(n)] for i in range(n)]
-    u = region.minimize(IntegerRows(identity, list(goal.numerators), list(goal.numerators), 0), u)
+    last = metric_rows(problem.metric, n)
+    targets: list[int | None] = [sum(a * b for a, b in zip(row, goal.numerators, strict=True)) for row in last]
+    u = region.minimize(IntegerRows(last, targets, targets, 0), u)
     return ActiveSetAnswer(
         unit.floats(u),
         np.array([level_rows.residual(u) for level_rows in rows[1:]]),

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from flint import arb, ctx, fmpq, fmpz, fmpz_mat
 
+from hqp_rp.core.errors import ProblemError
 from hqp_rp.core.problem import FloatArray
 
 
@@ -199,6 +200,33 @@ class Unit:
     def floats(self, u: RationalVector) -> FloatArray:
         """u as x (n,), each entry correctly rounded; infinite where it exceeds the largest float."""
         return np.array([nearest_float(e, u.denominator << self.shift) for e in u.numerators])
+
+
+def metric_rows(metric: FloatArray | None, n: int, bits: int = 256) -> list[list[int]]:
+    """Integer rows whose norm is a multiple of ||.||_W: the identity for None, else R of W = R^T R, upper triangular, right to `bits` bits.
+
+    W itself is taken to the last bit; its root is irrational.
+    """
+    if metric is None:
+        return [[int(i == j) for j in range(n)] for i in range(n)]
+    with ctx.workprec(4 * bits + 4 * n):
+        entries, scale = integers(metric)
+        if scale % 2:
+            entries = [2 * entry for entry in entries]
+        W = [entries[i * n : (i + 1) * n] for i in range(n)]
+        R = [[arb(0)] * n for _ in range(n)]
+        for i in range(n):  # Cholesky, row by row
+            for j in range(i, n):
+                rest = arb(W[i][j]) - sum((R[k][i] * R[k][j] for k in range(i)), arb(0))
+                if j > i:
+                    R[i][j] = (rest / R[i][i]).mid()
+                elif rest > 0:
+                    R[i][i] = rest.sqrt().mid()
+                else:
+                    raise ProblemError("metric is not positive definite in exact arithmetic; add to its diagonal.")
+        least = min(R[i][i] for i in range(n))
+        lift = arb(2) ** max(0, bits - math.frexp(float(least))[1])
+        return [[int((entry * lift).floor().unique_fmpz() or 0) for entry in row] for row in R]
 
 
 def rational(numerators: list[int], denominator: int) -> RationalVector:

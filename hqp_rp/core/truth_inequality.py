@@ -16,6 +16,7 @@ import numpy as np
 from hqp_rp.core import _native
 from hqp_rp.core.certificate import certify
 from hqp_rp.core.diagnostics import norm
+from hqp_rp.core.metric import in_metric
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.truth import SAME, Truth, truth
 from hqp_rp.core.truth_rows import guessed, levels_of
@@ -43,7 +44,7 @@ def rule_answer(
                 Level.equality(level.A[chosen], np.where(above, level.upper[chosen], level.lower[chosen]))
                 for level, (chosen, above) in zip(levels, sides, strict=True)
             ]
-            answer = truth(Problem(rows), secondary, tolerance)
+            answer = truth(Problem(rows, metric=problem.metric), secondary, tolerance)
             answer = dataclasses.replace(answer, residuals=answer.residuals[1:], ranks=answer.ranks[1:])
             answers[repr(sides)] = answer
             if _accepted(problem, answer, secondary, tolerance):
@@ -71,6 +72,10 @@ def _guesses(
 
 def searched_in_double_precision(problem: Problem, secondary: FloatArray, tolerance: float) -> FloatArray | None:
     """Where the native active-set search ends; None where it does not."""
+    if problem.metric is not None:
+        turned = in_metric(problem)
+        there = searched_in_double_precision(turned.problem, turned.root @ secondary, tolerance)
+        return turned.back(there)
     levels = levels_of(problem)
     hard, rest = levels[0], levels[1:]
     asked = Problem(rest, hard=hard if hard.m else None) if rest else Problem([hard])

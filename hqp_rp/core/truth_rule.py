@@ -15,7 +15,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.truth_exact import integers
+from hqp_rp.core.truth_exact import integers, metric_rows
 
 BORDERLINE = 2.0
 """A singular value within this factor of the rank rule's threshold is one that double precision may decide either way."""
@@ -33,24 +33,33 @@ class RuleAnswer:
 
 
 def solve_by_rule(
-    levels: Sequence[tuple[FloatArray, FloatArray]], secondary: FloatArray, tolerance: float
+    levels: Sequence[tuple[FloatArray, FloatArray]],
+    secondary: FloatArray,
+    tolerance: float,
+    metric: FloatArray | None = None,
 ) -> RuleAnswer:
     """Solve `A_k x = b_k`, k = 1 ... p, where singular values of A_k Z <= tolerance * ||A_k||_2 are cut.
 
     Works with 192 + 2 (p + 1) log2(1 / tolerance) bits: each level can lose twice the digits of 1 / tolerance, and 192
-    bits remain for the answer, relative to ||x||.
+    bits remain for the answer, relative to ||x||. With a metric W = R^T R (n, n) it is solved in y = R x, and A_k there is A_k R^-1.
     """
     bits = 192 + 2 * (len(levels) + 1) * math.ceil(max(1.0, -math.log2(tolerance)))
     n = len(secondary)
     with ctx.workprec(bits):
         x, Z = arb_mat(n, 1), _identity(n)
         loaded = [_loaded(A, b) for A, b in levels]
+        sizes = [_norm_of(A) if len(A) else 0.0 for A, _ in levels]
+        R = None if metric is None else _root(metric, bits)
+        if R is not None:
+            inverse = R.inv().mid()
+            loaded = [((matrix * inverse).mid() if matrix.nrows() else matrix, target) for matrix, target in loaded]
+            sizes = [_norm_of_arb(matrix) for matrix, _ in loaded]
         ranks, borderline = [], False
-        for (A, _), (matrix, target) in zip(levels, loaded, strict=True):
+        for size, (matrix, target) in zip(sizes, loaded, strict=True):
             if Z.ncols() == 0 or matrix.nrows() == 0:
                 ranks.append(0)
                 continue
-            kept, rest, close = _split(matrix * Z, tolerance * _norm_of(A), bits)
+            kept, rest, close = _split(matrix * Z, tolerance * size, bits)
             borderline |= close
             ranks.append(kept.ncols())
             if kept.ncols():
@@ -61,10 +70,13 @@ def solve_by_rule(
                 Z = (Z * rest).mid()
         if Z.ncols():
             free = arb_mat(n, 1, [arb(v) for v in secondary.tolist()])
+            free = free if R is None else R * free
             x = (x + Z * (Z.transpose() * (free - x))).mid()
         residuals = tuple(
             _residual(matrix, x, target, _exponent(A)) for (A, _), (matrix, target) in zip(levels, loaded, strict=True)
         )
+        if R is not None:
+            x = (inverse * x).mid()
         answer = np.array([float(e) for e in x.entries()])
     return RuleAnswer(answer, residuals, tuple(ranks), borderline, bits)
 
@@ -159,6 +171,20 @@ def _exponent(A: FloatArray) -> int:
 def _norm_of(A: FloatArray) -> float:
     """||A||_2 in the unit of `_loaded`."""
     return float(np.linalg.svd(np.ldexp(A, -_exponent(A)), compute_uv=False)[0])
+
+
+def _norm_of_arb(matrix: arb_mat) -> float:
+    """||A||_2 of a level in y."""
+    values = np.array([[float(entry) for entry in row] for row in matrix.tolist()])
+    return float(np.linalg.svd(values, compute_uv=False)[0]) if values.size else 0.0
+
+
+def _root(metric: FloatArray, bits: int) -> arb_mat:
+    """R of W = R^T R, upper triangular, but for a power of two."""
+    n = len(metric)
+    rows = metric_rows(metric, n, bits + 64)
+    unit = arb(2) ** -max(max(abs(entry) for entry in row) for row in rows).bit_length()
+    return arb_mat(n, n, [arb(entry) * unit for row in rows for entry in row]).mid()
 
 
 def _residual(matrix: arb_mat, x: arb_mat, target: arb_mat, exponent: int) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import zeros
 from hqp_rp.core.diagnostics import one_sided, rounding_at_zero, row_norms
+from hqp_rp.core.metric import in_metric
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
@@ -34,6 +35,11 @@ def fault_of(
         problem, x, secondary, tolerance, rank_tolerance: as for `certify`; not checked.
         tried: the quick proof has been tried already, and has not succeeded.
     """
+    if problem.metric is not None:
+        turned = in_metric(problem)
+        there = turned.root @ x
+        free = turned.forth(secondary)
+        return fault_of(turned.problem, there, free, tolerance, tried=tried, rank_tolerance=rank_tolerance)
     if not tried and problem.damping is None:
         zeta = zeros(problem.n) if secondary is None else secondary
         if _native.proven_optimal(problem, x, zeta, tolerance, rank_tolerance):

@@ -70,7 +70,7 @@ struct ClosedForm {
   // None where the problem is not one of equalities alone, undamped: the caller refuses it in a sentence, or knows another way.
   nb::object solve(nb::handle problem, nb::handle secondary) const {
     const auto& given = *nb::inst_ptr<ProblemObject>(problem);
-    if (!given.is_equality || given.view.hard_rows || !given.damping.is_none()) return nb::none();
+    if (!given.is_equality || given.view.hard_rows || !given.damping.is_none() || !given.metric.is_none()) return nb::none();
     nb::object x = new_array({given.view.unknowns});
     const Outcome outcome = solve_(given.view, free_vector(secondary, given.view.unknowns), rank_tolerance, damping, numbers_in(x), thread_workspace());
     if (outcome != Outcome::solved) x = nb::none();
@@ -83,7 +83,7 @@ struct ClosedForm {
 void bind_closed_forms(nb::module_& module) {
   auto closed_form = nb::class_<ClosedForm>(module, "ClosedForm", "A closed form on equality levels, with its settings.")
       .def("solve", &ClosedForm::solve, nb::arg("problem"), nb::arg("secondary").none(),
-           "Its Solution; None for a problem with hard or two-sided rows, or with damping. secondary: (n,) float64, or None.");
+           "Its Solution; None for a problem with hard or two-sided rows, with damping or with a metric. secondary: (n,) float64, or None.");
   closed_form.def("solve_many", &ClosedForm::solve_many, nb::arg("matrix"), nb::arg("rhs"), nb::arg("offsets"), nb::arg("secondary"),
                   nb::arg("x"), nb::arg("codes"),
                   "Solve N problems of one shape: (N, M, n), (N, M), (p + 1,), (N or 1, n); fills x (N, n) and codes (N,) uint8.");

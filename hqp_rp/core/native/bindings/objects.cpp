@@ -19,9 +19,10 @@ Registered registered;
 }  // namespace
 
 ProblemObject::ProblemObject(nb::object matrix_, nb::object lower_, nb::object upper_, nb::object offsets_, nb::object names_,
-                             int hard_rows, nb::object hard_, bool is_equality_, nb::object damping_)
+                             int hard_rows, nb::object hard_, bool is_equality_, nb::object damping_, nb::object metric_)
     : matrix(std::move(matrix_)), lower(std::move(lower_)), upper(std::move(upper_)), offsets(std::move(offsets_)),
-      names(std::move(names_)), hard(std::move(hard_)), damping(std::move(damping_)), kept(nb::none()), on_top(hard_rows > 0), is_equality(is_equality_) {
+      names(std::move(names_)), hard(std::move(hard_)), damping(std::move(damping_)),
+      metric(std::move(metric_)), kept(nb::none()), on_top(hard_rows > 0), is_equality(is_equality_) {
   const double* A = required<double>(matrix, 2, "matrix");
   const double* low = required<double>(lower, 1, "lower");
   const double* up = required<double>(upper, 1, "upper");
@@ -52,6 +53,10 @@ ProblemObject::ProblemObject(nb::object matrix_, nb::object lower_, nb::object u
     if (length_of(hard_A.ptr(), 1) != n || length_of(hard_low.ptr()) != view.hard_rows || length_of(hard_up.ptr()) != view.hard_rows)
       throw nb::value_error("The hard rows do not fit the levels.");
   }
+  if (!metric.is_none()) {
+    required<double>(metric, 2, "metric");
+    if (length_of(metric.ptr()) != n || length_of(metric.ptr(), 1) != n) throw nb::value_error("The metric does not fit the levels.");
+  }
 }
 
 nb::object make_solution(nb::handle problem, nb::object x, Outcome outcome, std::int64_t iterations, nb::object message,
@@ -77,9 +82,9 @@ nb::object make_solution(nb::handle problem, nb::object x, Outcome outcome, std:
 
 void bind_objects(nb::module_& module) {
   nb::class_<ProblemObject>(module, "Problem", "The native half of `hqp_rp.Problem`: its arrays, and a view of them.")
-      .def(nb::init<nb::object, nb::object, nb::object, nb::object, nb::object, int, nb::object, bool, nb::object>(), nb::arg("matrix"),
+      .def(nb::init<nb::object, nb::object, nb::object, nb::object, nb::object, int, nb::object, bool, nb::object, nb::object>(), nb::arg("matrix"),
            nb::arg("lower"), nb::arg("upper"), nb::arg("offsets"), nb::arg("names"), nb::arg("hard_rows"), nb::arg("hard").none(),
-           nb::arg("is_equality"), nb::arg("damping").none() = nb::none(),
+           nb::arg("is_equality"), nb::arg("damping").none() = nb::none(), nb::arg("metric").none() = nb::none(),
            "Takes arrays as they are, hard rows on top of the levels' rows (hard_rows of them) or apart (hard, a Level). "
            "TypeError and ValueError for arrays that do not fit.")
       .def_prop_ro("n", [](const ProblemObject& self) { return self.view.unknowns; }, "Number of unknowns.")
@@ -94,6 +99,7 @@ void bind_objects(nb::module_& module) {
       .def_ro("given_offsets", &ProblemObject::offsets)
       .def_ro("given_hard", &ProblemObject::hard, "The hard rows that were given apart, or None.")
       .def_ro("damping", &ProblemObject::damping, "One policy or None for each level, or None where no level is damped.")
+      .def_ro("metric", &ProblemObject::metric, "W (n, n) of the norm of the unknown, or None for the plain one.")
       .def_ro("on_top", &ProblemObject::on_top, "Whether hard rows stand on top of the levels' rows in `given`.")
       .def_rw("kept", &ProblemObject::kept, nb::for_setter(nb::arg("value").none()), "What Python made of it once.");
 

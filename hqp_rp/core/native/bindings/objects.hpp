@@ -13,12 +13,13 @@ struct ProblemObject {
   nb::object names;                              // of the levels
   nb::object hard;                               // the Level that was given apart, or None
   nb::object damping;                            // one policy or None for each level, or None where no level is damped
+  nb::object metric;                             // W (n, n), or None
   nb::object kept;                               // what the Python side has made of it once, by name
   bool on_top = false;                           // whether the first rows of the arrays are the hard ones
   bool is_equality = false;                      // of every row of every level
 
   ProblemObject(nb::object matrix, nb::object lower, nb::object upper, nb::object offsets, nb::object names, int hard_rows,
-                nb::object hard, bool is_equality, nb::object damping);
+                nb::object hard, bool is_equality, nb::object damping, nb::object metric);
 };
 
 struct SolutionObject {
