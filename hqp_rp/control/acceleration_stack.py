@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._acceleration_rows import AccelerationRows
 from hqp_rp.control._checks import positive_number
+from hqp_rp.control._stack_metric import StackMetric
 from hqp_rp.control._stack_rows import StackRows
 from hqp_rp.control.stack import Item, Stack
 from hqp_rp.core.damping import LevelDamping
@@ -43,7 +44,7 @@ class AccelerationStack(Stack):
     1e-8 of |J| |v|^2, for which the robot is moved there and back. The same is done for the centre of mass of parts.
 
     Args:
-        levels, limits, names, damping: as of `Stack`; `lm_damping` of tasks of mink and pink is not taken over. An error that damping looks at is that of the rows on v-dot.
+        levels, limits, names, damping, metric: as of `Stack`; `lm_damping` of tasks of mink and pink is not taken over. An error that damping looks at is that of the rows on v-dot.
         kd: 1/s, > 0, of tasks that state a velocity alone.
 
     Raises:
@@ -61,10 +62,11 @@ class AccelerationStack(Stack):
         *,
         names: Sequence[str] | None = None,
         damping: LevelDamping | Sequence[LevelDamping | None] | None = None,
+        metric: StackMetric = None,
         kd: float = 20.0,
     ) -> None:
         self._kd = positive_number(kd, "kd")
-        super().__init__(levels, limits, names=names, damping=damping)
+        super().__init__(levels, limits, names=names, damping=damping, metric=metric)
 
     def problem(
         self, robot: Robot, dt: float | None = None, v: ArrayLike | None = None, a: ArrayLike | None = None

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
 from hqp_rp.control._row_names import row_names
+from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.limit import Limit
@@ -55,9 +56,13 @@ class Stack:
             each step jumps between bounds. `ErrorDamping(0.1)` leaves a target that can be reached alone. Its error is the
             level's rate, gain times error. None takes over the `lm_damping` of tasks of mink and pink, where they
             have one.
+        metric: what the freedom that all levels leave is measured in, and every pseudo-inverse weighted by
+            (`hqp_rp.core.metric`): "inertia", the joint-space inertia M(q), for what is dynamically consistent; or weights > 0 by
+            joint name or pattern, 1 for the others: a joint of weight 100 moves a hundred times less than its neighbour where
+            either would do; or (nv,) weights. None is the plain norm.
 
     Raises:
-        SettingError: no level, an empty level, names or damping that do not fit, or an item that is none of these.
+        SettingError: no level, an empty level, names, damping or a metric that do not fit, or an item that is none of these.
     """
 
     __slots__ = (
@@ -71,6 +76,7 @@ class Stack:
         "_items",
         "_levels",
         "_limits",
+        "_metric",
         "_names",
         "_needs_dt",
         "_offsets",
@@ -86,7 +92,9 @@ class Stack:
         *,
         names: Sequence[str] | None = None,
         damping: LevelDamping | Sequence[LevelDamping | None] | None = None,
+        metric: StackMetric = None,
     ) -> None:
+        self._metric = MetricOnRobot(metric)
         self._configurations: dict[str, Configurations] = {}  # by library
         if not isinstance(levels, list | tuple) or not levels:
             raise SettingError(f"levels is {levels!r}; give a list with at least one level, most important first.")
@@ -136,6 +144,11 @@ class Stack:
         """The damping of each level as it was given; mink's and pink's own is not among it."""
         return self._damping
 
+    @property
+    def metric(self) -> StackMetric:
+        """The metric as it was given."""
+        return self._metric.stated
+
     def problem(
         self, robot: Robot, dt: float | None = None, v: ArrayLike | None = None, a: ArrayLike | None = None
     ) -> Problem:
@@ -184,7 +197,8 @@ class Stack:
         damping = self._policies
         if self._displacement_tasks:
             damping = self._with_theirs(rows, lower, dt)
-        problem = Problem.from_rows(matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping)
+        metric = self._metric.on(robot)
+        problem = Problem.from_rows(matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping, metric)
         if self._hard:
             counts = rows.counts
             problem.kept = {ROW_NAMES: lambda: self._named_rows(robot, counts)}
@@ -216,12 +230,14 @@ class Stack:
         Returns A (N, M, nv), lower (N, M), upper (N, M) or None where every row is an equality, and offsets (p + 1,).
 
         Raises:
-            SettingError: a stack with hard limits or damping, which a batch cannot hold; otherwise as `problem`.
+            SettingError: a stack with hard limits, damping or a metric, which a batch cannot hold; otherwise as `problem`.
             RobotError: q of another shape or not finite; otherwise as `problem`.
             ProblemError: an item whose number of rows differs between the configurations; otherwise as `problem`.
         """
         if self._policies or any(task.lm_damping for _, _, task in self._displacement_tasks):
             raise SettingError(f"{self!r} has damped levels, which a batch cannot hold; call problem() for each q.")
+        if self._metric.stated is not None:
+            raise SettingError(f"{self!r} has a metric, which a batch cannot hold; call problem() for each q.")
         if self._hard:
             raise SettingError(
                 f"{self!r} has hard limits, which a batch cannot hold; list them as a level, or call problem() for each q."

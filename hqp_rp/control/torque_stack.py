@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control._contact_rows import ContactRows
 from hqp_rp.control._row_names import velocity_names
+from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.contact import Contact
 from hqp_rp.control.contact_force_task import ContactForceTask
@@ -102,6 +103,7 @@ class TorqueStack:
         driven: names or patterns of the driven joints; None means all but free joints and what the robot lists as
             `unactuated`.
         names, damping: one for each of `levels`, as in `AccelerationStack`. A damped level is damped in x: forces in force_unit.
+        metric: as in `Stack`, of v-dot; forces in force_unit keep the plain norm.
         force_unit: N, > 0: what counts as much as 1 rad/s^2 in the least norm of x, and in damping. Levels that determine x,
             such as a posture and evenly shared forces, leave it nothing to decide.
 
@@ -122,6 +124,7 @@ class TorqueStack:
         driven: Sequence[str] | None = None,
         names: Sequence[str] | None = None,
         damping: LevelDamping | Sequence[LevelDamping | None] | None = None,
+        metric: StackMetric = None,
         force_unit: float = 100.0,
     ) -> None:
         if not isinstance(levels, list | tuple) or not levels:
@@ -163,6 +166,7 @@ class TorqueStack:
             if policies[k] is not None and k not in self._motion_levels:
                 raise SettingError(f"level {k + 1} holds forces alone, which need no damping; give None for it.")
         self._damping = tuple(policies)
+        self._metric = MetricOnRobot(metric)
         self._names = self._level_names(names)
         self._torque = checked_per_joint(torque, "torque")
         self._driven_names = None if driven is None else tuple(driven)
@@ -241,7 +245,15 @@ class TorqueStack:
             raise ProblemError(f"The mass matrix or the bias torque of {robot!r} is not finite at this q and v.")
         policies = None if motion.damping is None else self._policies(motion.damping)
         problem = Problem.from_rows(
-            matrix, lower, upper, self._offsets, self.names, self._first, motion.is_equality, policies
+            matrix,
+            lower,
+            upper,
+            self._offsets,
+            self.names,
+            self._first,
+            motion.is_equality,
+            policies,
+            self._metric_on(robot, M, n),
         )
         degrees = self._degrees if contacts.fading else None
         made = InverseDynamics(torque_map, offset, driven, self._limit, robot.nv, self._force_unit, jacobian, degrees)
@@ -359,6 +371,13 @@ class TorqueStack:
         weight = np.broadcast_to(np.asarray(item.weight, dtype=np.float64), (d,))
         return weight[:, None] * torque_map, weight * (item.target - offset)
 
+    def _metric_on(self, robot: Robot, M: FloatArray, n: int) -> FloatArray | None:
+        if self._metric.stated is None:
+            return None
+        whole = np.eye(n)
+        whole[: robot.nv, : robot.nv] = M if isinstance(self._metric.stated, str) else self._metric.on(robot)
+        return whole
+
     def _policies(self, motion: Sequence[LevelDamping | None]) -> tuple[LevelDamping | None, ...]:
         policies: list[LevelDamping | None] = [None] * len(self._levels)
         for k, policy in zip(self._motion_levels, motion, strict=True):
@@ -430,6 +449,7 @@ class TorqueStack:
             "driven": self._driven_names,
             "names": self._names,
             "damping": list(self._damping),
+            "metric": self._metric.stated,
             "force_unit": self._force_unit,
         }
         return _rebuilt, (self._levels, self._motion.limits, arguments)

@@ -67,7 +67,7 @@ class Problem:
         """One policy or None for each level, or None where no level is damped."""
 
     @property
-    def metric(self) -> Any:
+    def metric(self) -> FloatArray | None:
         """W (n, n) of the norm of the unknown, or None for the plain one."""
 
     @property
@@ -103,6 +103,11 @@ class Solution:
 
 def register_solution(solution: object, statuses: tuple[Any, ...]) -> None:
     """Say which class solvers return, and the members of `Status` in their order."""
+
+def metric_root(metric: object) -> tuple[FloatArray, FloatArray] | None:
+    """
+    R and its inverse, upper triangular, of W = R^T R; None where W (n, n) is not positive definite.
+    """
 
 def instruction_set() -> str:
     """For which instruction set the kernels in use were compiled."""
@@ -205,6 +210,9 @@ class Kinematics:
         Fill (F, 3, 3), (F, 3) and (F, 6, nv); what is always zero is left as it is.
         """
 
+    def motion(self, v: object, twists: object, biases: object) -> None:
+        """Fill J v (F, 6) and Jdot v (F, 6), linear over angular, for v (nv,)."""
+
 class Rows:
     """The rows of a stack's own tasks and limits on one robot."""
 
@@ -217,6 +225,9 @@ class Rows:
         """
         Fill the rows of all items in (M, n), (M,) and (M,) or None, and judge all M rows: whether they are sound.
         """
+
+    def fill_acceleration(self, matrix: object, lower: object, upper: object | None, dt: float, v: object, rates: object, gains: object, biases: object) -> bool:
+        """The same on accelerations, for the velocity v (nv,)."""
 
     def fill_many(self, rotations: object, origins: object, jacobians: object, values: object, matrices: object, lowers: object) -> int:
         """
@@ -242,13 +253,13 @@ def stop_rise(u: float, c: float, a: float, j: float) -> float:
     How far above its place the position, over dt, comes to lie while u stops; arguments of `stop_change`, j finite.
     """
 
-def saturation_null_space(problem: object, secondary: object | None, rank_tolerance: float, optimal: bool) -> tuple[Any, ...]:
-    """(x, scale of each level, finite, tried, unfinished level, missed level), -1 for no level, or two rows in conflict."""
-
 class TorqueRows:
     """The rows of a torque stack on one robot."""
 
-    def __init__(self, arrays: dict[str, Any], forces: int, unit: float) -> None: ...
+    def __init__(self, arrays: dict, forces: int, unit: float) -> None: ...
 
     def fill(self, matrix: object, lower: object, upper: object, M: object, h: object, cones: object, cone_lower: object, cone_upper: object, given: object, given_lower: object, given_upper: object, places: object, motion_place: int, map: object, point_jacobian: object) -> None:
         """Fill all rows but those of tasks on forces."""
+
+def saturation_null_space(problem: object, secondary: object | None, rank_tolerance: float, optimal: bool) -> tuple[Any, ...]:
+    """(x, scale of each level, finite, tried, unfinished level, missed level), -1 for no level, or two rows in conflict."""

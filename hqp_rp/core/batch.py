@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hqp_rp.core.errors import ProblemError
+from hqp_rp.core.metric import checked_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Status
 from hqp_rp.core.solver import Solver, get_solver
@@ -49,6 +50,7 @@ def solve_batch(
     *,
     solver: str | Solver,
     secondary: ArrayLike | None = None,
+    metric: ArrayLike | None = None,
     threads: int | None = None,
     **settings: object,
 ) -> BatchSolution:
@@ -62,6 +64,7 @@ def solve_batch(
         A: (N, M, n), finite. lower, upper: (N, M); upper None means equalities. offsets: (p + 1,) from 0 to M.
         solver: a name or a `Solver`; `settings` are its fields.
         secondary: free vectors, (N, n) or (n,) for all; None means 0.
+        metric: W (n, n) for all or (N, n, n), symmetric positive definite; None means the identity. See `hqp_rp.core.metric`.
         threads: how many; None means one for each core.
 
     Raises:
@@ -76,6 +79,13 @@ def solve_batch(
     count, _, n = matrix.shape
     free = _free_vectors(secondary, count, n)
     method = get_solver(solver, **settings)
+    inverse = None
+    if metric is not None:
+        root, inverse = _roots(metric, count, n)
+        matrix = matrix @ inverse
+        most = max(len(root), len(free))
+        turned = np.einsum("nij,nj->ni", np.broadcast_to(root, (most, n, n)), np.broadcast_to(free, (most, n)))
+        free = np.ascontiguousarray(turned)
     x = np.empty((count, n))
     codes = np.zeros(count, dtype=np.uint8)
     equality = low is up or np.array_equal(low, up)
@@ -85,7 +95,20 @@ def solve_batch(
         method.solve_many(matrix[span], low[span], None if equality else up[span], starts, own, x[span], codes[span])
 
     in_shares(work, count, threads)
+    if inverse is not None:
+        x = np.einsum("nij,nj->ni", np.broadcast_to(inverse, (count, n, n)), x)
     return BatchSolution(x, codes)
+
+
+def _roots(metric: ArrayLike, count: int, n: int) -> tuple[FloatArray, FloatArray]:
+    """R and R^-1 of W = R^T R, (1, n, n) or (N, n, n)."""
+    W = np.asarray(metric, dtype=np.float64)
+    W = W[None] if W.ndim == 2 else W
+    if W.shape not in ((1, n, n), (count, n, n)):
+        raise ProblemError(f"metric has shape {np.shape(metric)}; it must be ({n}, {n}) or ({count}, {n}, {n}).")
+    W = np.stack([checked_metric(one, n) for one in W])
+    root = np.ascontiguousarray(np.swapaxes(np.linalg.cholesky(W), 1, 2))
+    return root, np.triu(np.linalg.inv(root))
 
 
 def _check(matrix: FloatArray, lower: FloatArray, upper: FloatArray, offsets: IntArray) -> None:

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.core import _native
 from hqp_rp.core.errors import ProblemError
 from hqp_rp.core.level import FloatArray, Level, frozen
 from hqp_rp.core.problem import Problem
@@ -121,20 +122,11 @@ def with_inverse(problem: Problem, inverse: FloatArray) -> Problem:
 
 
 def _turned(problem: Problem) -> Turned:
-    W: FloatArray = problem.metric
-    diagonal = np.diagonal(W)
-    if np.count_nonzero(W) == len(W):  # a box stays a box to the last bit
-        roots = np.sqrt(diagonal)
-        root, inverse = np.diag(roots), np.diag(1.0 / roots)
-    else:
-        try:
-            root = np.linalg.cholesky(W).T
-        except np.linalg.LinAlgError:
-            raise ProblemError("metric is not positive definite; give a symmetric positive definite matrix.") from None
-        inverse = np.triu(np.linalg.inv(root))
-    if not np.isfinite(inverse).all():
+    assert problem.metric is not None
+    found = _native.metric_root(problem.metric)
+    if found is None:
         raise ProblemError("metric is not positive definite; give a symmetric positive definite matrix.")
-    root, inverse = np.ascontiguousarray(root), np.ascontiguousarray(inverse)
+    root, inverse = found
     if problem.on_top:
         made = Problem.from_rows(
             problem.given @ inverse,

@@ -1,5 +1,6 @@
 #include <utility>
 
+#include "hqp_rp/metric.hpp"
 #include "objects.hpp"
 
 #include <nanobind/stl/string.h>
@@ -130,6 +131,17 @@ void bind_objects(nb::module_& module) {
         registered.no_message = nb::str("").release().ptr();
       },
       nb::arg("solution"), nb::arg("statuses"), "Say which class solvers return, and the members of `Status` in their order.");
+  module.def(
+      "metric_root",
+      [](nb::handle metric) -> nb::object {
+        const double* W = required<double>(metric, 2, "metric");
+        const auto n = static_cast<npy_intp>(length_of(metric.ptr()));
+        if (length_of(metric.ptr(), 1) != n) throw nb::value_error("metric must be square.");
+        nb::object root = new_array({n, n}), inverse = new_array({n, n});
+        if (!metric_root(W, static_cast<int>(n), numbers_in(root), numbers_in(inverse))) return nb::none();
+        return nb::make_tuple(root, inverse);
+      },
+      nb::arg("metric"), "R and its inverse, upper triangular, of W = R^T R; None where W (n, n) is not positive definite.");
   module.def("instruction_set", [] { return kernels().instruction_set; }, "For which instruction set the kernels in use were compiled.");
   module.def("workspace_allocations", [] { return thread_workspace().allocations(); },
              "How many blocks of memory this thread's workspace has allocated so far.");
