@@ -41,6 +41,14 @@ def independent(seed: int = 0, n: int = 7, rows: Sequence[int] = (3, 3)) -> Prob
     return stack([rng.standard_normal((m, n)) for m in rows], [rng.standard_normal(m) for m in rows])
 
 
+def in_metric(problem: Problem, seed: int = 0, condition: float = 1e3) -> Problem:
+    """`problem` with a random metric of that condition."""
+    rng = np.random.default_rng(1000 + seed)
+    Q = np.linalg.qr(rng.standard_normal((problem.n, problem.n)))[0]
+    W = (Q * np.logspace(0.0, np.log10(condition), problem.n)) @ Q.T
+    return Problem(problem.levels, problem.hard, metric=0.5 * (W + W.T))
+
+
 def over_constrained(seed: int = 0, n: int = 7, rows: Sequence[int] = (6, 3, 7)) -> Problem:
     """Random levels with more rows than unknowns in all: the later ones conflict with the earlier ones."""
     return independent(seed, n, rows)

@@ -24,7 +24,16 @@ class AccelerationRows(StackRows):
         kd: 1/s, of tasks that state a velocity alone.
     """
 
-    __slots__ = ("_biases", "_gains", "_kd", "_native_motion", "_native_rows_of", "_number_rates", "_seconds", "_velocity")
+    __slots__ = (
+        "_biases",
+        "_gains",
+        "_kd",
+        "_native_motion",
+        "_native_rows_of",
+        "_number_rates",
+        "_seconds",
+        "_velocity",
+    )
 
     def __init__(
         self, items: Sequence[tuple[int, Any]], robot: Robot, two_sided: bool, where: Where, *, kd: float

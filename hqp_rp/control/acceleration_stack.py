@@ -85,9 +85,13 @@ class AccelerationStack(Stack):
             raise SettingError("accelerations need the velocity: problem(robot, dt, v); zeros for a robot at rest.")
         return super().problem(robot, dt, v, a)
 
-    def batch(self, robot: Robot, q: ArrayLike, *args: Any, **settings: Any) -> tuple[FloatArray, FloatArray, Any, IntArray]:
+    def batch(
+        self, robot: Robot, q: ArrayLike, *args: Any, **settings: Any
+    ) -> tuple[FloatArray, FloatArray, Any, IntArray]:
         """Not for accelerations. Raises `SettingError`."""
-        raise SettingError(f"{self!r} makes no batches: its rows depend on the velocity; call problem() for each q and v.")
+        raise SettingError(
+            f"{self!r} makes no batches: its rows depend on the velocity; call problem() for each q and v."
+        )
 
     def _with_theirs(
         self, rows: StackRows, lower: FloatArray, dt: float | None

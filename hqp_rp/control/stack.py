@@ -198,7 +198,9 @@ class Stack:
         if self._displacement_tasks:
             damping = self._with_theirs(rows, lower, dt)
         metric = self._metric.on(robot)
-        problem = Problem.from_rows(matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping, metric)
+        problem = Problem.from_rows(
+            matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping, metric
+        )
         if self._hard:
             counts = rows.counts
             problem.kept = {ROW_NAMES: lambda: self._named_rows(robot, counts)}

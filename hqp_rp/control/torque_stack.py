@@ -227,14 +227,30 @@ class TorqueStack:
         matrix, lower, upper = np.empty((total, n)), np.empty(total), np.empty(total)
         torque_map, jacobian = np.empty((len(driven), n)), np.empty((contacts.forces, robot.nv))
         cones = contacts.cones, contacts.cone_lower, contacts.cone_upper
-        given, low, high, _ = motion.with_hard if not motion.on_top else (
-            motion.given,
-            motion.given_lower,
-            motion.given_upper,
-            None,
+        given, low, high, _ = (
+            motion.with_hard
+            if not motion.on_top
+            else (
+                motion.given,
+                motion.given_lower,
+                motion.given_upper,
+                None,
+            )
         )
         self._native.fill(
-            matrix, lower, upper, M, h, *cones, given, low, high, self._places, self._contact_place, torque_map, jacobian
+            matrix,
+            lower,
+            upper,
+            M,
+            h,
+            *cones,
+            given,
+            low,
+            high,
+            self._places,
+            self._contact_place,
+            torque_map,
+            jacobian,
         )
         offset = h[driven]
         for item, rows in self._force_places:
@@ -319,7 +335,9 @@ class TorqueStack:
         """How answers to a problem of this class become torques. Raises `SettingError` for any other problem."""
         found = (problem.kept or {}).get(_DYNAMICS)
         if not isinstance(found, InverseDynamics):
-            raise SettingError("this problem was not made by TorqueStack.problem, or was copied; take the one it returned.")
+            raise SettingError(
+                "this problem was not made by TorqueStack.problem, or was copied; take the one it returned."
+            )
         return found
 
     def holding_torque(self, robot: Robot, v: ArrayLike, braking: float) -> FloatArray:
@@ -398,14 +416,18 @@ class TorqueStack:
         widths = getattr(robot, "joint_widths", (1,) * len(robot.joint_names))
         if self._driven_names is None:
             starts = np.cumsum([0, *widths])
-            free = [i for start, width in zip(starts, widths, strict=False) if width == 6 for i in range(start, start + 6)]
+            free = [
+                i for start, width in zip(starts, widths, strict=False) if width == 6 for i in range(start, start + 6)
+            ]
             driven = np.setdiff1d(np.arange(robot.nv), [*free, *others.tolist()])
         else:
             from hqp_rp.control._checks import joint_indices
 
             driven = np.asarray(joint_indices(robot, list(self._driven_names), "driven"), dtype=np.int64)
         if not len(driven):
-            raise RobotError("no velocity of this robot is driven: it has no joint but free ones; name the driven joints.")
+            raise RobotError(
+                "no velocity of this robot is driven: it has no joint but free ones; name the driven joints."
+            )
         self._driven = driven
         self._passive = np.setdiff1d(np.arange(robot.nv), [*driven.tolist(), *others.tolist()])
         own = getattr(robot, "effort_limit", None)

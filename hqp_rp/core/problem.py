@@ -254,7 +254,10 @@ class Problem(_native.Problem):
         raise AttributeError(f"A Problem is read-only: build a new one instead of setting {name!r}.")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_rebuild, (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard, self.damping, self.metric))
+        return (
+            _rebuild,
+            (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard, self.damping, self.metric),
+        )
 
     def __repr__(self) -> str:
         rows = " + ".join(str(int(m)) for m in np.diff(self.offsets))

@@ -8,7 +8,7 @@ import pytest
 
 import hqp_rp
 from hqp_rp import ConstantDamping, Level, Problem, Solver, Status, Truncation, VariableDamping, certify, get_solver
-from tests.problems import EQUALITY_CASES, boxed, damped, independent, near_singular, two_sided
+from tests.problems import EQUALITY_CASES, boxed, damped, in_metric, independent, near_singular, two_sided
 
 VARIANTS = {
     "null_space": [{"variant": "projector"}, {"damping": ConstantDamping(0.1)}, {"damping": Truncation(0.1)}],
@@ -20,6 +20,8 @@ VARIANTS = {
         {"damping": ConstantDamping(0.1), "damp": "everywhere", "form": "projector"},
     ],
     "reverse_priority_unilateral": [{"damping": ConstantDamping(0.1)}],
+    "operational_space": [{"singularity": "selective"}, {"singularity": "blend"}],
+    "null_space_torque": [{"projection": "successive", "consistency": "static"}],
     "qp_cascade": [{"backend": name} for name in ("osqp", "daqp", "quadprog", "piqp")],
 }
 
@@ -48,6 +50,13 @@ PROBLEMS = {
     "damped levels": damped(independent(1, rows=(3, 3, 2)), 0),
     "damped two-sided levels in a box": damped(two_sided(1, box=0.2), 1),
     "damped near-singular in a box": damped(boxed(near_singular(1e-6, 1, rows=(3, 3, 7)), 0.3), 2),
+    "a metric": in_metric(independent(1, rows=(3, 3, 7)), 0),
+    "a diagonal metric in a box": Problem(
+        independent(1).levels, hard=Level(np.eye(7), -0.3, 0.3), metric=np.arange(1.0, 8.0)
+    ),
+    "a metric, two-sided in a box": in_metric(two_sided(1, box=0.2), 1),
+    "a metric, near-singular": in_metric(near_singular(1e-6, 1, rows=(3, 3, 7)), 2),
+    "a metric, damped two-sided levels in a box": in_metric(damped(two_sided(1, box=0.2), 1), 3),
     "empty hard rows": Problem(independent(1).levels, hard=Level(np.zeros((0, 7)), -1.0, 1.0)),
 }
 

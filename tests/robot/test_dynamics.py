@@ -1,0 +1,130 @@
+"""Accelerations and torques of both robot libraries: against finite differences, and against each other."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from hqp_rp.core.errors import RobotError
+from hqp_rp.robot import MujocoRobot, PinocchioRobot, planar_arm, sawyer
+from hqp_rp.robot.pinocchio_model import configuration_from_mujoco
+
+EVERY_JOINT = """
+<mujoco><compiler angle="radian"/><worldbody>
+  <body name="base" pos="0.1 0.2 0.9" euler="0.3 -0.2 0.5"><freejoint/><geom type="box" size="0.2 0.1 0.1" mass="3"/>
+    <body name="arm" pos="0.2 0.1 0" euler="0.1 0.4 0"><joint name="h1" axis="1 2 0.5" pos="0.05 0.02 0.01" armature="0.1"/>
+      <joint name="s1" type="slide" axis="0 1 1"/><geom type="capsule" fromto="0 0 0 0.3 0.1 0" size="0.03" mass="1"/>
+      <body name="wrist" pos="0.3 0.1 0"><joint name="b1" type="ball" pos="0.02 0 0.01"/><geom type="box" size="0.05 0.08 0.02" mass="0.7"/>
+        <body name="tip" pos="0.1 0 0.05" euler="0 0.3 0"><joint name="h2" axis="0 1 0"/><geom type="sphere" size="0.04" mass="0.2"/>
+          <site name="tool" pos="0.05 0.02 0.1" euler="0.2 0 0"/></body></body></body></body>
+</worldbody></mujoco>
+"""
+
+
+def every_joint():
+    return MujocoRobot(mujoco.MjModel.from_xml_string(EVERY_JOINT))
+
+
+MUJOCO = {
+    "sawyer": lambda: MujocoRobot.from_arm(sawyer()),
+    "planar": lambda: MujocoRobot.from_arm(planar_arm(4)),
+    "every kind of joint": every_joint,
+}
+ROBOTS = {
+    **MUJOCO,
+    "sawyer, Pinocchio": lambda: PinocchioRobot.from_arm(sawyer()),
+    "every kind of joint, Pinocchio": lambda: PinocchioRobot.from_mujoco(every_joint().model),
+}
+
+
+def moving(robot, seed):
+    rng = np.random.default_rng(seed)
+    q = robot.integrate(robot.neutral, 0.4 * rng.normal(size=robot.nv), 1.0)
+    robot.update(q)
+    return q, rng.normal(size=robot.nv)
+
+
+def rate(robot, q, v, function, h=1e-4):
+    """d(function)/dt along the motion with constant v, by a four-point central difference."""
+
+    def at(s):
+        robot.update(robot.integrate(q, v, s))
+        return np.asarray(function())
+
+    value = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
+    robot.update(q)
+    return value
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("seed", range(3))
+def test_bias_accelerations_are_the_rate_of_the_jacobian(name, seed):
+    robot = ROBOTS[name]()
+    q, v = moving(robot, seed)
+    for frame in (robot.frame_names[-1], robot.frame_names[len(robot.frame_names) // 2]):
+        expected = rate(robot, q, v, lambda frame=frame: robot.jacobian(frame) @ v)
+        np.testing.assert_allclose(robot.bias_acceleration(frame, v), expected, atol=1e-8)
+    expected = rate(robot, q, v, lambda: robot.center_of_mass_jacobian() @ v)
+    np.testing.assert_allclose(robot.center_of_mass_bias_acceleration(v), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_both_libraries_agree_on_an_arm_to_1e_9(seed):
+    one, other = MujocoRobot.from_arm(sawyer()), PinocchioRobot.from_arm(sawyer())
+    q, v = moving(one, seed)
+    other.update(q)
+    a = np.random.default_rng(seed).normal(size=7)
+    for frame in ("tool", "link4"):
+        np.testing.assert_allclose(one.bias_acceleration(frame, v), other.bias_acceleration(frame, v), atol=1e-9)
+    bias = one.center_of_mass_bias_acceleration(v)
+    np.testing.assert_allclose(bias, other.center_of_mass_bias_acceleration(v), atol=1e-9)
+    np.testing.assert_allclose(one.inverse_dynamics(v, a), other.inverse_dynamics(v, a), atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_both_libraries_agree_on_every_kind_of_joint(seed):
+    """Free joint: MuJoCo's linear velocity is in world axes and is not turned with the body, Pinocchio's is in body axes."""
+    one = every_joint()
+    other = PinocchioRobot.from_mujoco(one.model)
+    q, v = moving(one, seed)
+    other.update(configuration_from_mujoco(one.model, q))
+    R = one.pose("base")[0]
+    body, a = v.copy(), np.random.default_rng(seed).normal(size=one.nv)
+    body[:3] = R.T @ v[:3]
+    for frame in ("tool", "wrist"):
+        np.testing.assert_allclose(one.jacobian(frame) @ v, other.jacobian(frame) @ body, atol=1e-9)
+        # v-dot = 0 means another motion of the base in each: MuJoCo's frame goes straight, Pinocchio's turns with the body.
+        turned = np.zeros(one.nv)
+        turned[:3] = R.T @ np.cross(R @ v[3:6], v[:3])
+        expected = other.bias_acceleration(frame, body) - other.jacobian(frame) @ turned
+        np.testing.assert_allclose(one.bias_acceleration(frame, v), expected, atol=1e-9)
+    body_a = a.copy()
+    body_a[:3] = R.T @ (a[:3] - np.cross(R @ v[3:6], v[:3]))
+    torque = other.inverse_dynamics(body, body_a)
+    torque[:3] = R @ torque[:3]
+    np.testing.assert_allclose(one.inverse_dynamics(v, a), torque, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", MUJOCO)
+def test_inverse_dynamics_is_mj_inverse(name):
+    robot = MUJOCO[name]()
+    q, v = moving(robot, 0)
+    a = np.random.default_rng(1).normal(size=robot.nv)
+    model = robot.model
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    model.body_gravcomp[:] = 0.0
+    model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+    mujoco.mj_inverse(model, data)
+    np.testing.assert_allclose(robot.inverse_dynamics(v, a), data.qfrc_inverse, atol=1e-9)
+
+
+def test_a_velocity_that_does_not_fit_is_refused():
+    for robot in (MujocoRobot.from_arm(sawyer()), PinocchioRobot.from_arm(sawyer())):
+        for bad in (np.zeros(6), np.full(7, np.nan)):
+            with pytest.raises(RobotError):
+                robot.bias_acceleration("tool", bad)
+            with pytest.raises(RobotError):
+                robot.inverse_dynamics(np.zeros(7), bad)
+        with pytest.raises(RobotError, match="tol"):
+            robot.bias_acceleration("tol", np.zeros(7))
