@@ -33,10 +33,13 @@ from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 if TYPE_CHECKING:
     from hqp_rp import problems
     from hqp_rp.compare.stress import stress
+    from hqp_rp.control.acceleration_stack import AccelerationStack
     from hqp_rp.control.catalogue import Catalogue, find_singularities
     from hqp_rp.control.center_of_mass_task import CenterOfMassTask
     from hqp_rp.control.collision_limit import CollisionLimit
     from hqp_rp.control.cone_limit import ConeLimit
+    from hqp_rp.control.contact import Contact
+    from hqp_rp.control.contact_force_task import ContactForceTask
     from hqp_rp.control.frame_speed_limit import FrameSpeedLimit
     from hqp_rp.control.half_space_limit import HalfSpaceLimit
     from hqp_rp.control.joint_coupling import JointCoupling
@@ -55,7 +58,10 @@ if TYPE_CHECKING:
     from hqp_rp.control.stack import Stack
     from hqp_rp.control.support_polygon_limit import SupportPolygonLimit
     from hqp_rp.control.task import Task
+    from hqp_rp.control.torque_controller import TorqueController
     from hqp_rp.control.torque_limit import TorqueLimit
+    from hqp_rp.control.torque_stack import TorqueStack
+    from hqp_rp.control.torque_task import TorqueTask
     from hqp_rp.control.twist_task import TwistTask
     from hqp_rp.core.batch import BatchSolution, solve_batch
     from hqp_rp.core.certificate import Certificate, certify
@@ -68,6 +74,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AccelerationStack",
     "BatchSolution",
     "Catalogue",
     "CenterOfMassTask",
@@ -75,6 +82,8 @@ __all__ = [
     "CollisionLimit",
     "ConeLimit",
     "ConstantDamping",
+    "Contact",
+    "ContactForceTask",
     "Damping",
     "Distance",
     "ErrorDamping",
@@ -112,7 +121,10 @@ __all__ = [
     "Status",
     "SupportPolygonLimit",
     "Task",
+    "TorqueController",
     "TorqueLimit",
+    "TorqueStack",
+    "TorqueTask",
     "Truncation",
     "Truth",
     "TwistTask",
@@ -138,6 +150,12 @@ __all__ = [
 
 # `import hqp_rp` stays light: what needs more than numpy is imported when it is first used.
 _LAZY = {
+    "TorqueTask": "control.torque_task",
+    "TorqueStack": "control.torque_stack",
+    "TorqueController": "control.torque_controller",
+    "ContactForceTask": "control.contact_force_task",
+    "Contact": "control.contact",
+    "AccelerationStack": "control.acceleration_stack",
     "Catalogue": "control.catalogue",
     "find_singularities": "control.catalogue",
     "CenterOfMassTask": "control.center_of_mass_task",

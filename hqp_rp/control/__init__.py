@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.activation import BlendedSolution, blend, ramp
 from hqp_rp.control.center_of_mass_task import CenterOfMassTask
 from hqp_rp.control.collision_limit import CollisionLimit
 from hqp_rp.control.command import Command, Mode
 from hqp_rp.control.cone_limit import ConeLimit
+from hqp_rp.control.contact import Contact
+from hqp_rp.control.contact_force_task import ContactForceTask
 from hqp_rp.control.force import ForceReference
 from hqp_rp.control.frame_speed_limit import FrameSpeedLimit
 from hqp_rp.control.half_space_limit import HalfSpaceLimit
@@ -31,16 +34,22 @@ from hqp_rp.control.relative_pose_task import RelativePoseTask
 from hqp_rp.control.stack import Stack
 from hqp_rp.control.support_polygon_limit import SupportPolygonLimit
 from hqp_rp.control.task import FeedbackTask, Task
+from hqp_rp.control.torque_controller import TorqueCommand, TorqueController
 from hqp_rp.control.torque_limit import TorqueLimit
+from hqp_rp.control.torque_stack import InverseDynamics, TorqueStack
+from hqp_rp.control.torque_task import TorqueTask
 from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import Wrench, WrenchSensor
 
 __all__ = [
+    "AccelerationStack",
     "BlendedSolution",
     "CenterOfMassTask",
     "CollisionLimit",
     "Command",
     "ConeLimit",
+    "Contact",
+    "ContactForceTask",
     "FeedbackTask",
     "ForceReference",
     "FrameSpeedLimit",
@@ -48,6 +57,7 @@ __all__ = [
     "HybridReference",
     "ImpedanceReference",
     "InteractionController",
+    "InverseDynamics",
     "JointCoupling",
     "JointLimit",
     "JointLimitPotential",
@@ -67,7 +77,11 @@ __all__ = [
     "Stack",
     "SupportPolygonLimit",
     "Task",
+    "TorqueCommand",
+    "TorqueController",
     "TorqueLimit",
+    "TorqueStack",
+    "TorqueTask",
     "TwistTask",
     "VelocityLimit",
     "Wrench",

@@ -111,6 +111,19 @@ def urdf_velocity_limits(path: Path, *, warn: bool = True) -> dict[str, float]:
     return limits
 
 
+def urdf_effort_limits(path: Path) -> dict[str, float]:
+    """Joint name -> effort limit (N m or N) of a URDF file, for the joints that can move and state one that is > 0."""
+    limits = {}
+    for joint in parse_urdf(path).iterfind("joint"):
+        limit = joint.find("limit")
+        value = None if limit is None else limit.get("effort")
+        if value is not None and joint.get("type") != "fixed":
+            effort = _number(path, joint.get("name", ""), "effort limit", value)
+            if effort > 0.0:
+                limits[joint.get("name", "")] = effort
+    return limits
+
+
 def urdf_position_limits(path: Path) -> dict[str, tuple[float, float]]:
     """Joint name -> lower and upper, rad or m, of the revolute and prismatic joints of a URDF that state a limit.
 

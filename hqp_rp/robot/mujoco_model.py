@@ -34,6 +34,36 @@ def model_name(model: mujoco.MjModel) -> str:
     return bytes(model.names).split(b"\0", 1)[0].decode()
 
 
+def effort_limits(model: Any) -> FloatArray:
+    """(nv,) the greatest |torque| of the motors that the model states, N m or N; infinite for none.
+
+    A joint's `actuatorfrcrange` (a URDF's effort), and of motors on single joints their force or control range times gear.
+    """
+    limit = np.full(model.nv, np.inf)
+    scalar = [
+        int(kind) in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)) for kind in model.jnt_type
+    ]
+    for j in range(model.njnt):
+        if scalar[j] and model.jnt_actfrclimited[j]:
+            limit[model.jnt_dofadr[j]] = np.abs(model.jnt_actfrcrange[j]).min()
+    for i in range(model.nu):
+        j, gear = int(model.actuator_trnid[i, 0]), abs(float(model.actuator_gear[i, 0]))
+        if int(model.actuator_trntype[i]) != int(mujoco.mjtTrn.mjTRN_JOINT) or not gear or not scalar[j]:
+            continue
+        force = np.inf
+        if model.actuator_forcelimited[i]:
+            force = float(np.abs(model.actuator_forcerange[i]).min())
+        plain = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_NONE)
+        fixed = int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+        if model.actuator_ctrllimited[i] and plain and fixed:
+            control = float(np.abs(model.actuator_ctrlrange[i]).min())
+            force = min(force, control * abs(float(model.actuator_gainprm[i, 0])))
+        v = int(model.jnt_dofadr[j])
+        limit[v] = min(limit[v], force * gear)
+    limit[limit == 0.0] = np.inf  # a range of zeros is how a file says nothing
+    return limit
+
+
 def keyframe(model: mujoco.MjModel, name: str) -> FloatArray:
     """(nq,) the configuration of the keyframe of that name. Raises `RobotError`, which lists the ones there are."""
     names = [model.key(i).name for i in range(model.nkey)]

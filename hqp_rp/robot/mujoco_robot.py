@@ -28,11 +28,19 @@ from hqp_rp.robot.frames import (
     require_velocity,
 )
 from hqp_rp.robot.mesh_files import Meshes
-from hqp_rp.robot.model_file import Path, file_format, one_line, urdf_velocity_limits
+from hqp_rp.robot.model_file import Path, file_format, one_line, urdf_effort_limits, urdf_velocity_limits
 from hqp_rp.robot.mujoco_arm import arm_spec
 from hqp_rp.robot.mujoco_file import mujoco_model
 from hqp_rp.robot.mujoco_frames import MujocoFrames, kinematics_of
-from hqp_rp.robot.mujoco_model import geometry, keyframe, model_name, position_limits, quaternions, scalar_coordinates
+from hqp_rp.robot.mujoco_model import (
+    effort_limits,
+    geometry,
+    keyframe,
+    model_name,
+    position_limits,
+    quaternions,
+    scalar_coordinates,
+)
 from hqp_rp.robot.mujoco_surroundings import MujocoSurroundings
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
@@ -119,6 +127,7 @@ class MujocoRobot(MujocoSurroundings):
         self._simulation: mujoco.MjData | None = None
         self._given: FloatArray | None = None
         self._arm: tuple[DHArm, FloatArray] | None = None
+        self._efforts: dict[str, float] = {}
         self.update(self._neutral)
         self._warn_of_neutral(self._neutral, scalar_coordinates(model))
         self._warn_of_ranges(np.array(model.jnt_dofadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE], dtype=np.int64))
@@ -179,12 +188,16 @@ class MujocoRobot(MujocoSurroundings):
             package_paths=package_paths,
             repair_inertias=repair_inertias,
         )
+        efforts: dict[str, float] = {}
         if file_format(path) == "urdf":
             stated = urdf_velocity_limits(path, warn=velocity_limit is None)
             joints = {model.joint(j).name for j in range(model.njnt)}
+            efforts = {name: value for name, value in urdf_effort_limits(path).items() if name in joints}
             if velocity_limit is None:
                 velocity_limit = {name: value for name, value in stated.items() if name in joints}
-        return cls(model, velocity_limit=velocity_limit, neutral=neutral)
+        robot = cls(model, velocity_limit=velocity_limit, neutral=neutral)
+        robot._efforts = efforts
+        return robot
 
     @classmethod
     def from_spec(
@@ -341,6 +354,18 @@ class MujocoRobot(MujocoSurroundings):
         mujoco.mj_comVel(self._model, self._data)
         return torque
 
+    @property
+    def effort_limit(self) -> FloatArray:
+        """(nv,) the greatest |torque| that the model states of its motors, N m or N; infinite where none is stated.
+
+        What MuJoCo keeps of it, and the `effort` of the URDF from which `from_file` made the robot, which MuJoCo drops.
+        """
+        limit = effort_limits(self._model)
+        for name, effort in self._efforts.items():
+            i = int(self._model.jnt_dofadr[self._model.joint(name).id])
+            limit[i] = min(limit[i], effort)
+        return limit
+
     def inverse_dynamics(self, v: FloatArray, a: FloatArray) -> FloatArray:
         """(nv,) tau = M(q) a + h(q, v) + g(q) for v and a (nv,); without friction, damping and contacts of the model."""
         acceleration = checked_vector(a, self._nv, "a")
@@ -391,6 +416,7 @@ class MujocoRobot(MujocoSurroundings):
             "_mocap_velocity": self._mocap_velocity,
             "_unactuated": self._unactuated,
             "_unactuated_velocity": self._unactuated_velocity,
+            "_efforts": self._efforts,
         }
         return _rebuild, (self._model, self._velocity_limit, self._neutral, self.q, self._unchanged_arm(), others)
 
@@ -458,7 +484,7 @@ def _rebuild(
         robot = MujocoRobot(model, velocity_limit=limit, neutral=neutral, unactuated=names)
     for name in ("mocap_pos", "mocap_quat"):
         getattr(robot._data, name)[:] = others[name]
-    for name in ("_mocap_velocity", "_unactuated_velocity"):
+    for name in ("_mocap_velocity", "_unactuated_velocity", "_efforts"):
         setattr(robot, name, others[name])
     robot._arm = None if arm is None else (arm, geometry(model))
     robot.update(q)

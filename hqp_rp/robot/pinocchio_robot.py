@@ -350,6 +350,13 @@ class PinocchioRobot(ModelRobot):
         velocity = checked_vector(v, self._nv, "v")
         return np.array(pin.nonLinearEffects(self._model, self._dynamics, self._normalized, velocity))
 
+    @property
+    def effort_limit(self) -> FloatArray:
+        """(nv,) the greatest |torque| that a URDF states of its joints, N m or N; infinite where none is stated."""
+        limit = np.array(self._model.effortLimit, dtype=np.float64)
+        limit[(limit <= 0.0) | (limit >= np.finfo(np.float64).max)] = np.inf
+        return limit
+
     def inverse_dynamics(self, v: FloatArray, a: FloatArray) -> FloatArray:
         """(nv,) tau = M(q) a + h(q, v) + g(q) for v and a (nv,)."""
         velocity, acceleration = checked_vector(v, self._nv, "v"), checked_vector(a, self._nv, "a")

@@ -1,5 +1,7 @@
 """Accelerations and torques of both robot libraries: against finite differences, and against each other."""
 
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -13,8 +15,10 @@ EVERY_JOINT = """
   <body name="base" pos="0.1 0.2 0.9" euler="0.3 -0.2 0.5"><freejoint/><geom type="box" size="0.2 0.1 0.1" mass="3"/>
     <body name="arm" pos="0.2 0.1 0" euler="0.1 0.4 0"><joint name="h1" axis="1 2 0.5" pos="0.05 0.02 0.01" armature="0.1"/>
       <joint name="s1" type="slide" axis="0 1 1"/><geom type="capsule" fromto="0 0 0 0.3 0.1 0" size="0.03" mass="1"/>
-      <body name="wrist" pos="0.3 0.1 0"><joint name="b1" type="ball" pos="0.02 0 0.01"/><geom type="box" size="0.05 0.08 0.02" mass="0.7"/>
-        <body name="tip" pos="0.1 0 0.05" euler="0 0.3 0"><joint name="h2" axis="0 1 0"/><geom type="sphere" size="0.04" mass="0.2"/>
+      <body name="wrist" pos="0.3 0.1 0"><joint name="b1" type="ball" pos="0.02 0 0.01"/>
+        <geom type="box" size="0.05 0.08 0.02" mass="0.7"/>
+        <body name="tip" pos="0.1 0 0.05" euler="0 0.3 0"><joint name="h2" axis="0 1 0"/>
+          <geom type="sphere" size="0.04" mass="0.2"/>
           <site name="tool" pos="0.05 0.02 0.1" euler="0.2 0 0"/></body></body></body></body>
 </worldbody></mujoco>
 """
@@ -128,3 +132,31 @@ def test_a_velocity_that_does_not_fit_is_refused():
                 robot.inverse_dynamics(np.zeros(7), bad)
         with pytest.raises(RobotError, match="tol"):
             robot.bias_acceleration("tol", np.zeros(7))
+
+
+MOTORS = """
+<mujoco><worldbody><body><joint name="a" axis="0 0 1" actuatorfrcrange="-40 50"/><geom size="0.1" mass="1"/>
+  <body pos="0.2 0 0"><joint name="b" axis="0 1 0"/><geom size="0.1" mass="1"/>
+    <body pos="0.2 0 0"><joint name="c" axis="1 0 0"/><geom size="0.1" mass="1"/></body></body></body></worldbody>
+  <actuator><motor joint="a" gear="30" ctrlrange="-1 1"/><motor joint="b" gear="2" forcerange="-7 7"/></actuator></mujoco>
+"""
+URDF = """
+<robot name="two"><link name="base"/><link name="one"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"
+ ixy="0" ixz="0" iyz="0"/></inertial></link><link name="two"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"
+ ixy="0" ixz="0" iyz="0"/></inertial></link>
+ <joint name="a" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
+  <limit lower="-1" upper="1" velocity="2" effort="12.5"/></joint>
+ <joint name="b" type="revolute"><parent link="one"/><child link="two"/><axis xyz="0 1 0"/>
+  <limit lower="-1" upper="1" velocity="2" effort="0"/></joint></robot>
+"""
+
+
+def test_effort_limits_are_what_the_model_states(tmp_path):
+    robot = MujocoRobot(mujoco.MjModel.from_xml_string(MOTORS))
+    np.testing.assert_array_equal(robot.effort_limit, [30.0, 14.0, np.inf])
+    path = tmp_path / "two.urdf"
+    path.write_text(URDF)
+    for adapter in (MujocoRobot, PinocchioRobot):
+        found = adapter.from_file(path)
+        np.testing.assert_array_equal(found.effort_limit, [12.5, np.inf])
+        np.testing.assert_array_equal(pickle.loads(pickle.dumps(found)).effort_limit, found.effort_limit)

@@ -1,0 +1,377 @@
+"""Inverse dynamics with contacts: the physics of every answer, and what is hard stays hard."""
+
+import copy
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+
+import hqp_rp
+from hqp_rp.control import (
+    AccelerationStack,
+    CenterOfMassTask,
+    Contact,
+    ContactForceTask,
+    JointLimit,
+    OrientationTask,
+    PositionTask,
+    PostureTask,
+    TorqueStack,
+    TorqueTask,
+)
+from hqp_rp.control._rotations import skew
+from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.robot import MujocoRobot, PinocchioRobot, sawyer
+from hqp_rp.robot.named import named_robot
+from hqp_rp.robot.pinocchio_model import configuration_from_mujoco
+
+SOLE = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.05, 0.05)])
+
+
+def standing(seed=0, **settings):
+    """The library's humanoid on both soles, and a stack of five levels with every limit hard."""
+    robot = named_robot("humanoid")
+    robot.update(robot.neutral)
+    rng = np.random.default_rng(seed)
+    contacts = [Contact(f"{side}_sole", points=SOLE, friction=0.6, max_force=500.0) for side in ("left", "right")]
+    hand = PositionTask("left_hand", robot.pose("left_hand")[1] + 0.1 * rng.normal(size=3), gain=5.0)
+    levels = [
+        CenterOfMassTask(robot.center_of_mass() - np.array([0.0, 0.0, 0.02]), gain=5.0),
+        hand,
+        OrientationTask("pelvis", np.eye(3), gain=5.0),
+        [
+            PostureTask(robot.neutral, joints=range(6, robot.nv), gain=5.0),
+            ContactForceTask(contacts, each=True, weight=0.1),
+        ],
+    ]
+    most = np.concatenate([np.full(6, np.inf), np.full(robot.nv - 6, 100.0)])
+    given = {"torque": 120.0} | settings
+    return robot, contacts, TorqueStack(levels, [JointLimit(acceleration=most)], contacts=contacts, **given)
+
+
+def at_work(robot, seed):
+    rng = np.random.default_rng(seed)
+    robot.update(robot.integrate(robot.neutral, 0.02 * rng.normal(size=robot.nv), 1.0))
+    return 0.05 * rng.normal(size=robot.nv)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_answer_is_physical_and_certified(seed):
+    robot, _, stack = standing(seed)
+    v = at_work(robot, seed)
+    problem = stack.problem(robot, 0.002, v)
+    found = hqp_rp.solve(problem, "hierarchical_active_set")
+    assert found.status is hqp_rp.Status.SOLVED, found.message
+    assert hqp_rp.certify(problem, found.x).ok
+    dynamics = stack.dynamics(problem)
+    a, forces, torque = dynamics.acceleration(found.x), dynamics.forces(found.x), dynamics.torque(found.x)
+    applied = np.zeros(robot.nv)
+    applied[dynamics.driven] = torque
+    # Equation of motion, by the robot's own inverse dynamics.
+    np.testing.assert_allclose(robot.inverse_dynamics(v, a), applied + dynamics.contact_jacobian.T @ forces, atol=1e-8)
+    assert (np.abs(torque) <= 120.0 + 1e-7).all()
+    each = forces.reshape(-1, 3)
+    assert (each[:, 2] >= -1e-9 * 500.0).all()
+    assert (each[:, 2] <= 500.0 + 1e-6).all()
+    assert (np.linalg.norm(each[:, :2], axis=1) <= 0.6 * each[:, 2] + 1e-6).all()
+    np.testing.assert_array_less(found.levels[0].residual, 1e-7)  # the contacts
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_torques_put_into_mujoco_give_back_the_acceleration(seed):
+    """A solved step into `mj_inverse` with the contact forces as applied ones: the same torques."""
+    robot, contacts, stack = standing(seed)
+    v = at_work(robot, seed)
+    problem = stack.problem(robot, 0.002, v)
+    x = hqp_rp.solve(problem, "hierarchical_active_set").require()
+    dynamics = stack.dynamics(problem)
+    model = copy.deepcopy(robot.model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    model.dof_damping[:] = 0.0
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = robot.q, v, dynamics.acceleration(x)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    applied = np.zeros(robot.nv)
+    forces = dynamics.forces(x).reshape(2, 4, 3)
+    for contact, own in zip(contacts, forces, strict=True):
+        R, p = robot.pose(contact.frame)
+        body = int(model.site_bodyid[model.site(contact.frame).id])
+        for point, force in zip(contact.points, own, strict=True):
+            mujoco.mj_applyFT(model, data, contact.axes(np.eye(3)) @ force, np.zeros(3), p + R @ point, body, applied)
+    mujoco.mj_inverse(model, data)
+    np.testing.assert_allclose(data.qfrc_inverse[:6], applied[:6], atol=1e-7)
+    np.testing.assert_allclose((data.qfrc_inverse - applied)[dynamics.driven], dynamics.torque(x), atol=1e-7)
+
+
+def rows_in_numpy(robot, contacts, v):
+    """The point Jacobian, the motion rows and what they should be, from the robot's public methods alone."""
+    jacobians, motions, rates = [], [], []
+    for contact in contacts:
+        J, (R, p) = robot.jacobian(contact.frame), robot.pose(contact.frame)
+        twist, bias, surface = J @ v, robot.bias_acceleration(contact.frame, v), np.eye(3)
+        if contact.on != "world":
+            S, (surface, origin) = robot.jacobian(contact.on), robot.pose(contact.on)
+            arm, V, A = p - origin, S @ v, robot.bias_acceleration(contact.on, v)
+            carried = np.vstack((S[:3] - skew(arm) @ S[3:], S[3:]))
+            J = J - carried
+            bias = bias - A
+            bias[:3] += skew(arm) @ A[3:] - np.cross(V[3:], twist[:3] - V[:3])
+            omega, twist = twist[3:], J @ v
+        else:
+            omega = twist[3:]
+        axes = contact.axes(surface)
+        jacobians += [axes.T @ (J[:3] - skew(R @ point) @ J[3:]) for point in contact.points]
+        basis, wanted = contact.motion_basis(), -bias - contact.kd * twist
+        if len(basis) < 6:
+            wanted[:3] += np.cross(omega, twist[:3])
+            turned = np.hstack((basis[:, :3] @ R.T, basis[:, 3:] @ R.T))
+        else:
+            turned = np.eye(6)
+        motions.append(turned @ J)
+        rates.append(turned @ wanted)
+    return np.vstack(jacobians), np.vstack(motions), np.concatenate(rates)
+
+
+@pytest.mark.parametrize("adapter", ["mujoco", "pinocchio"])
+@pytest.mark.parametrize("seed", range(3))
+def test_native_rows_are_those_in_numpy(seed, adapter):
+    source = named_robot("humanoid")
+    robot = source if adapter == "mujoco" else PinocchioRobot.from_mujoco(source.model)
+    rng = np.random.default_rng(seed)
+    q = source.integrate(source.neutral, 0.3 * rng.normal(size=source.nv), 1.0)
+    robot.update(q if adapter == "mujoco" else configuration_from_mujoco(source.model, q))
+    v = rng.normal(size=robot.nv)
+    contacts = [
+        Contact("left_sole", points=SOLE, normal=[0.1, 0.2, 1.0]),
+        Contact("right_sole", points=[0.1, 0.0, 0.02], kd=3.0),
+        Contact("left_hand", points=[[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]], on="right_hand", normal=[1.0, 0.0, 0.0]),
+    ]
+    stack = TorqueStack([PostureTask(robot.neutral)], contacts=contacts, torque=100.0)
+    problem = stack.problem(robot, 0.01, v)
+    jacobian, motion, rate = rows_in_numpy(robot, contacts, v)
+    dynamics = stack.dynamics(problem)
+    np.testing.assert_allclose(dynamics.contact_jacobian, jacobian, atol=1e-10)
+    np.testing.assert_allclose(problem.levels[0].A[:, : robot.nv], motion, atol=1e-10)
+    np.testing.assert_allclose(problem.levels[0].lower, rate, atol=1e-8)
+    M, h = robot.mass_matrix(), robot.bias(v)
+    whole = np.hstack((M, -100.0 * jacobian.T))
+    np.testing.assert_allclose(problem.hard.A[:6], whole[:6], atol=1e-9)
+    np.testing.assert_allclose(problem.hard.lower[:6], -h[:6], atol=1e-9)
+    np.testing.assert_allclose(dynamics.map, whole[6:], atol=1e-9)
+    np.testing.assert_allclose(dynamics.offset, h[6:], atol=1e-9)
+
+
+def test_motion_rows_bring_a_contact_to_rest():
+    """Along the motion that the rows ask for, d/dt of the contact's twist is -kd times it: by finite differences."""
+    robot = named_robot("humanoid")
+    rng = np.random.default_rng(5)
+    q = robot.integrate(robot.neutral, 0.2 * rng.normal(size=robot.nv), 1.0)
+    robot.update(q)
+    v = rng.normal(size=robot.nv)
+    contact = Contact("left_hand", points=[0.05, 0.02, 0.1], kd=4.0)
+    problem = TorqueStack([PostureTask(robot.neutral)], contacts=[contact]).problem(robot, 0.01, v)
+    a = np.linalg.lstsq(problem.levels[0].A[:, : robot.nv], problem.levels[0].lower, rcond=None)[0]
+
+    def slip(s):
+        robot.update(robot.integrate(q, v + 0.5 * s * a, s))
+        R = robot.pose("left_hand")[0]
+        J = robot.jacobian("left_hand")
+        return R.T @ (J[:3] - skew(R @ contact.points[0]) @ J[3:]) @ (v + s * a)
+
+    h = 1e-5
+    change = (slip(h) - slip(-h)) / (2 * h)
+    np.testing.assert_allclose(change, -4.0 * slip(0.0), atol=1e-6)
+
+
+def test_an_arm_alone_is_computed_torque():
+    robot = MujocoRobot.from_arm(sawyer())
+    robot.update(robot.neutral)
+    v = 0.3 * np.random.default_rng(0).normal(size=7)
+    levels = [PositionTask("tool", np.array([0.6, 0.2, 0.4])), PostureTask(robot.neutral)]
+    problem = TorqueStack(levels).problem(robot, 0.002, v)
+    x = hqp_rp.solve(problem, "null_space").require()
+    expected = hqp_rp.solve(AccelerationStack(levels).problem(robot, 0.002, v), "null_space").require()
+    np.testing.assert_allclose(x, expected, atol=1e-9)
+    stack = TorqueStack(levels, torque=50.0)
+    torque = stack.dynamics(stack.problem(robot, 0.002, v)).torque(x)
+    np.testing.assert_allclose(torque, robot.inverse_dynamics(v, x), atol=1e-9)
+
+
+def test_forces_are_tracked_shared_and_kept_small():
+    robot, contacts, _ = standing()
+    robot.update(robot.neutral)
+    left, right = contacts
+    share = ContactForceTask(left, [0.0, 0.0, 250.0], axes="z")
+    even = ContactForceTask([left, right], each=True)
+    posture = PostureTask(robot.neutral, joints=range(6, robot.nv), gain=2.0)
+    com = CenterOfMassTask(robot.center_of_mass())
+    stack = TorqueStack([com, share, posture, even], contacts=contacts, torque=200.0)
+    problem = stack.problem(robot, 0.002, np.zeros(robot.nv))
+    forces = stack.dynamics(problem).forces(hqp_rp.solve(problem, "hierarchical_active_set").require()).reshape(2, 4, 3)
+    assert forces[0, :, 2].sum() == pytest.approx(250.0, abs=1e-6)
+    share.target = [0.0, 0.0, 300.0]
+    problem = stack.problem(robot, 0.002, np.zeros(robot.nv))
+    forces = stack.dynamics(problem).forces(hqp_rp.solve(problem, "hierarchical_active_set").require()).reshape(2, 4, 3)
+    assert forces[0, :, 2].sum() == pytest.approx(300.0, abs=1e-6)
+    small = TorqueStack([com, posture, TorqueTask()], contacts=contacts, torque=200.0)
+    problem = small.problem(robot, 0.002, np.zeros(robot.nv))
+    x = hqp_rp.solve(problem, "hierarchical_active_set").require()
+    level = problem.levels[-1]
+    np.testing.assert_allclose(level.A @ x - level.lower, small.dynamics(problem).torque(x), atol=1e-9)
+
+
+def test_a_box_holds_what_the_pyramid_holds_at_its_force():
+    contact = Contact("a", friction=0.5, cone="box", nominal_force=80.0)
+    G, lower, upper = contact.cone_rows()
+    np.testing.assert_array_equal(G, np.eye(3))
+    np.testing.assert_allclose(upper[:2], 40.0 / np.sqrt(2.0))
+    np.testing.assert_allclose(lower[:2], -40.0 / np.sqrt(2.0))
+    assert np.hypot(*upper[:2]) == pytest.approx(0.5 * 80.0)
+
+
+@pytest.mark.parametrize("edges", [3, 4, 8])
+def test_the_pyramid_lies_within_the_cone_and_touches_it(edges):
+    contact = Contact("a", friction=0.7, edges=edges)
+    G, lower, upper = contact.cone_rows()
+    angle = np.linspace(0.0, 2.0 * np.pi, 721)
+    furthest = 0.0
+    for t in angle:
+        direction = np.array([np.cos(t), np.sin(t), 0.0])
+        reach = min((-G[i, 2]) / (G[i] @ direction) for i in range(edges) if G[i] @ direction > 1e-12)
+        assert reach <= 0.7 + 1e-12
+        furthest = max(furthest, reach)
+    assert furthest == pytest.approx(0.7, abs=1e-4)
+    assert (lower[:-1] == -np.inf).all()
+    assert (upper[:-1] == 0.0).all()
+    assert lower[-1] == 0.0
+
+
+def test_an_open_contact_has_neither_force_nor_rows():
+    robot, contacts, stack = standing()
+    robot.update(robot.neutral)
+    contacts[1].activation = 0.0
+    problem = stack.problem(robot, 0.002, np.zeros(robot.nv))
+    x = hqp_rp.solve(problem, "hierarchical_active_set").require()
+    np.testing.assert_allclose(stack.dynamics(problem).forces(x).reshape(2, 4, 3)[1], 0.0, atol=1e-7)
+    assert not problem.levels[0].A[6:].any()
+    contacts[1].activation = 0.25
+    problem = stack.problem(robot, 0.002, np.zeros(robot.nv))
+    x = hqp_rp.solve(problem, "hierarchical_active_set").require()
+    assert stack.dynamics(problem).forces(x).reshape(2, 4, 3)[1, :, 2].max() <= 125.0 + 1e-6
+    np.testing.assert_array_equal(stack.dynamics(problem).degrees[:12], [1.0] * 6 + [0.25] * 6)
+
+
+def test_the_metric_is_that_of_the_accelerations():
+    robot, _, stack = standing(metric="inertia")
+    robot.update(robot.neutral)
+    problem = stack.problem(robot, 0.002, np.zeros(robot.nv))
+    np.testing.assert_allclose(problem.metric[: robot.nv, : robot.nv], robot.mass_matrix())
+    np.testing.assert_array_equal(problem.metric[robot.nv :, robot.nv :], np.eye(24))
+    assert hqp_rp.solve(problem, "hierarchical_active_set").status is hqp_rp.Status.SOLVED
+
+
+def test_a_contradiction_is_told_by_contact_and_joint():
+    robot, contacts, _ = standing()
+    robot.update(robot.neutral)
+    for contact in contacts:
+        contact.max_force = 20.0  # 160 N do not carry the robot, and its limits do not let it fall
+    posture = PostureTask(robot.neutral, joints=range(6, robot.nv))
+    limits = [CenterOfMassTask(robot.center_of_mass(), gain=1.0), JointLimit(acceleration=100.0)]
+    held = TorqueStack([posture], limits, contacts=contacts, torque=100.0)
+    found = hqp_rp.solve(held.problem(robot, 0.002, np.zeros(robot.nv)), "hierarchical_active_set")
+    assert found.status is hqp_rp.Status.INFEASIBLE
+    assert any("sole contact" in name for name in found.conflict.names)
+    assert any("equation of motion" in name or "centre of mass" in name for name in found.conflict.names)
+
+
+def test_limits_come_from_the_model_where_none_are_given():
+    joint = '<joint name="a" axis="0 1 0" actuatorfrcrange="-4 4"/>'
+    body = f'<body>{joint}<geom size="0.1" mass="1" pos="0.5 0 0"/></body>'
+    xml = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
+    robot = MujocoRobot(mujoco.MjModel.from_xml_string(xml))
+    robot.update(robot.neutral)
+    stack = TorqueStack([PostureTask(robot.neutral + 1.0, gain=10.0)])
+    problem = stack.problem(robot, 0.01, np.zeros(1))
+    x = hqp_rp.solve(problem, "hierarchical_active_set").require()
+    assert abs(stack.dynamics(problem).torque(x)[0]) == pytest.approx(4.0)
+
+
+def test_copies_make_the_same_problem():
+    robot, _, stack = standing()
+    v = at_work(robot, 0)
+    for made in (copy.deepcopy(stack), pickle.loads(pickle.dumps(stack))):
+        one, other = stack.problem(robot, 0.002, v), made.problem(robot, 0.002, v)
+        np.testing.assert_array_equal(one.given, other.given)
+        np.testing.assert_array_equal(one.given_lower, other.given_lower)
+        assert repr(stack) == repr(made)
+
+
+def test_a_problem_stays_as_it_is_when_the_robot_moves_on():
+    robot, _, stack = standing()
+    v = at_work(robot, 0)
+    problem = stack.problem(robot, 0.002, v)
+    before, jacobian = problem.given.copy(), stack.dynamics(problem).contact_jacobian.copy()
+    stack.problem(robot, 0.002, at_work(robot, 1))
+    np.testing.assert_array_equal(problem.given, before)
+    np.testing.assert_array_equal(stack.dynamics(problem).contact_jacobian, jacobian)
+
+
+POSTURE = PostureTask(np.zeros(7))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: TorqueStack([]), "at least one level"),
+        (lambda: TorqueStack([[]]), "level 1 is empty"),
+        (lambda: TorqueStack([POSTURE], contacts=["foot"]), "list of Contact"),
+        (lambda: TorqueStack([POSTURE, ContactForceTask(Contact("a"))]), "not among the stack's contacts"),
+        (lambda: TorqueStack([TorqueTask()]), "no task on the motion"),
+        (lambda: TorqueStack([POSTURE], names=["a", "b"]), "one name for each of the 1"),
+        (lambda: TorqueStack([POSTURE], damping=[None, None]), "2 entries for 1 levels"),
+        (lambda: TorqueStack([POSTURE, TorqueTask()], damping=hqp_rp.ConstantDamping(0.1)), "need no damping"),
+        (lambda: TorqueStack([POSTURE], force_unit=0.0), "force_unit is 0"),
+        (lambda: TorqueStack([POSTURE], torque=-1.0), "must be > 0"),
+        (lambda: TorqueStack([POSTURE], metric="mass"), 'give "inertia"'),
+        (lambda: Contact("a", on="a"), "cannot rest on itself"),
+        (lambda: Contact("a", cone="circle"), "choose one of pyramid, box"),
+        (lambda: Contact("a", cone="box"), "a box needs it"),
+        (lambda: Contact("a", nominal_force=1.0), "a pyramid has none"),
+        (lambda: Contact("a", friction=0.0), "the friction of"),
+        (lambda: Contact("a", edges=2), "at least 3"),
+        (lambda: Contact("a", points=np.zeros((0, 3))), "k at least 1"),
+        (lambda: Contact("a", points=np.zeros((2, 2))), "k at least 1"),
+        (lambda: Contact("a", normal=np.zeros(3)), "no direction"),
+        (lambda: Contact("a", min_force=5.0, max_force=2.0), "between 0 and max_force"),
+        (lambda: Contact("a", max_force=0.0), "must be > 0"),
+        (lambda: Contact("a", kd=-1.0), "the kd of"),
+        (lambda: setattr(Contact("a"), "activation", 0.5), "has no max_force"),
+        (lambda: setattr(Contact("a"), "activation", 2.0), "in [0, 1]"),
+        (lambda: ContactForceTask([]), "give a Contact"),
+        (lambda: ContactForceTask(Contact("a"), [1.0]), "3 numbers in N"),
+        (lambda: ContactForceTask(Contact("a"), axes="rx"), "axes of"),
+        (lambda: TorqueTask([[1.0]]), "one finite number"),
+    ],
+)
+def test_what_does_not_fit_is_refused(make, words):
+    with pytest.raises(SettingError) as error:
+        make()
+    assert words in str(error.value)
+
+
+def test_a_robot_that_does_not_fit_is_refused():
+    robot = MujocoRobot.from_arm(sawyer())
+    posture = PostureTask(robot.neutral)
+    with pytest.raises(RobotError, match="foot"):
+        TorqueStack([posture], contacts=[Contact("foot")]).problem(robot, 0.01, np.zeros(7))
+    with pytest.raises(RobotError, match="joint"):
+        TorqueStack([posture], driven=["nothing"]).problem(robot, 0.01, np.zeros(7))
+    with pytest.raises(SettingError, match="7 velocities are driven"):
+        TorqueStack([posture, TorqueTask(np.zeros(3))]).problem(robot, 0.01, np.zeros(7))
+    plain = TorqueStack([posture])
+    with pytest.raises(SettingError, match="not made by TorqueStack"):
+        plain.dynamics(AccelerationStack([posture]).problem(robot, 0.01, np.zeros(7)))
+    with pytest.raises(SettingError):
+        plain.problem(robot, 0.01, np.full(7, np.nan))
