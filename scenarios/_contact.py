@@ -84,6 +84,7 @@ class ContactArm:
         surface: what all walls are made of.
         delay: steps of the simulation by which `reading` is late.
         tilt: rad, by which the axes that walls stand across are turned about the world's z.
+        torques: the arm has motors in the place of its velocity servos; see `drive`.
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class ContactArm:
         *,
         delay: int = 0,
         tilt: float = 0.0,
+        torques: bool = False,
     ) -> None:
         spec = arm_spec(arm, timestep=timestep)
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
@@ -130,6 +132,8 @@ class ContactArm:
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
             spec.option.impratio = _STICKS
         self.robot = MujocoRobot.from_spec(spec, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
+        if torques:
+            self.robot.model.actuator_gainprm[:] = self.robot.model.actuator_biasprm[:] = 0.0
         self.surface = surface
         self._axes = tuple(walls)
         self._places = np.array([walls[axis] for axis in self._axes], dtype=np.float64)
@@ -182,8 +186,16 @@ class ContactArm:
 
     def advance(self, command: FloatArray, substeps: int) -> Touch:
         """Send the servos a joint velocity (n,), rad/s, for that many simulation steps."""
+        self.robot.data.ctrl[:] = command
+        return self._advance(substeps)
+
+    def drive(self, torque: FloatArray, substeps: int) -> Touch:
+        """Hold joint torques (n,), N m, for that many simulation steps; of an arm with `torques`."""
+        self.robot.data.qfrc_applied[:] = torque
+        return self._advance(substeps)
+
+    def _advance(self, substeps: int) -> Touch:
         model, data = self.robot.model, self.robot.data
-        data.ctrl[:] = command
         depths, forces = [self._depth], [self._force]
         for step in range(substeps):
             # A step ends with a new state whose forces the next one computes first; the last has none after it.

@@ -14,8 +14,11 @@ from hqp_rp.control._rotations import rotation_log
 from hqp_rp.control.interaction_controller import InteractionController
 from hqp_rp.control.limit import VelocityLimit
 from hqp_rp.control.singularities import SingularConfiguration, search_singularities
+from hqp_rp.control.reference import Reference
 from hqp_rp.control.stack import Stack
 from hqp_rp.control.task import Task
+from hqp_rp.control.torque_controller import TorqueController
+from hqp_rp.control.torque_stack import TorqueStack
 from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import WrenchSensor
 from hqp_rp.core.diagnostics import norm
@@ -26,11 +29,14 @@ from hqp_rp.core.solver import Solver
 from hqp_rp.robot.arms import sawyer
 from hqp_rp.robot.dh import DHArm
 from hqp_rp.robot.robot import Robot
-from hqp_rp.scenarios._contact import ContactArm, Surface
+from hqp_rp.scenarios._contact import ContactArm, Surface, Touch
 from hqp_rp.scenarios.scenario import Scenario, Step
 
 PAPER, DAMPED = "paper's numbers", "well damped"
 REGULAR, SINGULAR = "regular", "near singular"
+
+INNER_LOOPS = ("velocity", "torque")
+METRICS = ("none", "inertia")
 
 LOWER_AXES = ("y", "z", "rx", "ry", "rz")
 """The second level of 5.1 and 5.2; the first is x."""
@@ -139,6 +145,11 @@ class Interaction(Scenario):
             the simulation. servo: > 0, factor on the gains of the arm's velocity servos.
         hard_limits: the velocity limits are hard rows of the stack, for solvers that take them, and nothing is shortened.
         recovery: s, >= 0, the references' anti-windup, None for none; see `Reference`.
+        inner_loop: what carries out the references. "velocity": as above. "torque": the law's accelerations are the levels of a
+            `TorqueStack` and the arm has motors: inverse dynamics, told the force reading and the joints' friction, in the
+            place of the servos; servo, hard_limits and recovery have no meaning then, no velocity is limited, and a solver that
+            fails makes the arm hold against gravity.
+        metric: of the torque loop's stack: "inertia" for the dynamically consistent pseudo-inverse, or "none".
 
     `Step.parameter` is the time of the problem. `Step.measured`, for the period that follows it, with A for the axis of
     each wall:
@@ -180,12 +191,19 @@ class Interaction(Scenario):
     servo: float = 1.0
     hard_limits: bool = False
     recovery: float | None = 0.05
+    inner_loop: str = "velocity"
+    metric: str = "none"
 
     def __post_init__(self) -> None:
         for name in ("duration", "period", "damping_ratio", "servo"):
             self._require(name, lambda value: value > 0.0, "> 0")
         for name in ("noise", "spread", "delay", *(("recovery",) if self.recovery is not None else ())):
             self._require(name, lambda value: value >= 0.0, ">= 0")
+        for name, allowed in (("inner_loop", INNER_LOOPS), ("metric", METRICS)):
+            if getattr(self, name) not in allowed:
+                raise SettingError(
+                    f"{name} of {self.name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}."
+                )
         if not isinstance(self.hard_limits, bool):
             raise SettingError(f"hard_limits of {self.name} is {self.hard_limits!r}; it must be True or False.")
         if isinstance(self.substeps, bool) or not isinstance(self.substeps, int) or self.substeps < 1:
@@ -265,7 +283,9 @@ class Interaction(Scenario):
         q = case.q + offset
         late = round(self.delay / timestep)
         walls = self.walls(case, arm.pose(q, "tool")[1])
-        contact = ContactArm(arm, timestep, walls, self.surface(), delay=late, tilt=self.turned())
+        contact = ContactArm(
+            arm, timestep, walls, self.surface(), delay=late, tilt=self.turned(), torques=self.inner_loop == "torque"
+        )
         contact.reset(q)
         contact.robot.update(q)
         return contact
@@ -282,6 +302,9 @@ class Interaction(Scenario):
         robot, data = contact.robot, contact.robot.data
         experiment = self.experiment(case, robot)
         sensor = WrenchSensor("tool", measures="on_environment", expressed_in="world", frozen_after=None)
+        if self.inner_loop == "torque":
+            yield from self._run_torques(case, contact, solver, seed, experiment, sensor)
+            return
         shortened_into = () if self.hard_limits else (VelocityLimit(),)
         controller = InteractionController(experiment.stack, sensor, solver, scale_into=shortened_into)
         controller.start(robot, data.qvel)
@@ -291,26 +314,13 @@ class Interaction(Scenario):
             t, end = k * self.period, (k + 1) * self.period
             experiment.update(t)
             robot.update(data.qpos)
-            reading = contact.reading()
-            push = self.push(t)
-            if push is not None:
-                contact.push(push)
-                reading -= push
-            if seed:
-                reading[:3] += rng.normal(scale=self.noise, size=3)
+            reading = self._reading(contact, t, rng if seed else None)
             command = controller.step(robot, reading, self.period, data.qvel)
             touch = contact.advance(command.v, self.substeps)
             if command.problem is None or command.solution is None:
                 return
             robot.update(data.qpos)
-            measured: dict[str, float] = {}
-            for axis, desired in experiment.desired(end).items():
-                energy[axis] += touch.energy[axis]
-                measured[f"force {axis} [N]"] = touch.force[axis]
-                measured[f"desired force {axis} [N]"] = desired
-                measured[f"peak force {axis} [N]"] = touch.peak[axis]
-                measured[f"contact {axis}"] = touch.share[axis]
-                measured[f"energy {axis} [J]"] = energy[axis]
+            measured = _touched(experiment, touch, energy, end)
             measured.update(experiment.errors(end, robot))
             x = command.solution.x
             measured["commanded speed [rad/s]"] = 0.0 if x is None else norm(x)
@@ -318,11 +328,78 @@ class Interaction(Scenario):
             measured["shortened to"] = command.scale
             yield Step(case.name, t, command.problem, command.solution, command.solve_time, measured)
 
+    def _reading(self, contact: ContactArm, t: float, rng: np.random.Generator | None) -> FloatArray:
+        """(6,) what the sensor says at t; somebody's push begins."""
+        reading = contact.reading()
+        push = self.push(t)
+        if push is not None:
+            contact.push(push)
+            reading -= push
+        if rng is not None:
+            reading[:3] += rng.normal(scale=self.noise, size=3)
+        return reading
+
+    def _run_torques(
+        self,
+        case: Case,
+        contact: ContactArm,
+        solver: Solver,
+        seed: int,
+        experiment: Experiment,
+        sensor: WrenchSensor,
+    ) -> Iterator[Step]:
+        robot, data = contact.robot, contact.robot.data
+        model = robot.model
+        levels = [list(level) for level in experiment.stack.levels]
+        references = [item for level in levels for item in level if isinstance(item, Reference)]
+        stack = TorqueStack(levels, metric=None if self.metric == "none" else self.metric)
+        controller = TorqueController(stack, solver)
+        rng = np.random.default_rng((seed, 2))
+        energy = dict.fromkeys(experiment.desired(0.0), 0.0)
+        solver.reset()
+        for k in range(self.periods()):
+            t, end = k * self.period, (k + 1) * self.period
+            experiment.update(t)
+            robot.update(data.qpos)
+            reading = self._reading(contact, t, rng if seed else None)
+            v = np.array(data.qvel)
+            wrench = sensor.read(robot, reading, self.period)
+            assert wrench is not None  # the reading is finite and fresh
+            for reference in references:
+                reference.accelerate(robot, wrench, v)
+            # What acts beside the motors: the environment, viscous friction, and the weight that the joints compensate.
+            applied = -robot.jacobian("tool").T @ reading - model.dof_damping * v
+            command = controller.step(robot, self.period, v, applied=applied)
+            touch = contact.drive(command.torque - robot.gravity(), self.substeps)
+            if command.problem is None or command.solution is None:
+                return
+            robot.update(data.qpos)
+            measured = _touched(experiment, touch, energy, end)
+            measured.update(experiment.errors(end, robot))
+            x = command.solution.x
+            measured["commanded acceleration [rad/s^2]"] = 0.0 if x is None else norm(x)
+            measured["measured speed [rad/s]"] = norm(data.qvel)
+            measured["largest torque [N m]"] = float(np.abs(command.torque).max())
+            yield Step(case.name, t, command.problem, command.solution, command.solve_time, measured)
+
     def _require(self, name: str, allowed: Callable[[float], bool], sign: str) -> None:
         value = getattr(self, name)
         number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         if not number or not allowed(value):
             raise SettingError(f"{name} of {self.name} is {value!r}; it must be a finite number {sign}.")
+
+
+def _touched(experiment: Experiment, touch: Touch, energy: dict[str, float], end: float) -> dict[str, float]:
+    """What the walls have to say of a period that ends at `end`; the energy goes on."""
+    measured: dict[str, float] = {}
+    for axis, desired in experiment.desired(end).items():
+        energy[axis] += touch.energy[axis]
+        measured[f"force {axis} [N]"] = touch.force[axis]
+        measured[f"desired force {axis} [N]"] = desired
+        measured[f"peak force {axis} [N]"] = touch.peak[axis]
+        measured[f"contact {axis}"] = touch.share[axis]
+        measured[f"energy {axis} [J]"] = energy[axis]
+    return measured
 
 
 # What `find_start()` returns: q and approach of a singular configuration, rad.

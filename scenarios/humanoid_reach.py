@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -108,27 +108,8 @@ class HumanoidReach(Limited):
 
     def robot(self) -> MujocoRobot:
         """JVRC-1 on a floating base, without fingers, in its stance with the feet on the floor."""
-        from hqp_rp.robot.model_file import urdf_velocity_limits
-        from hqp_rp.robot.mujoco_file import mujoco_spec
-        from hqp_rp.robot.mujoco_robot import MujocoRobot
-
-        path = _urdf()
-        spec = mujoco_spec(path, floating_base=True, meshes=False)
-        # The lower finger joints are coupled to the upper ones.
-        for equality in list(spec.equalities):
-            spec.delete(equality)
-        for joint in list(spec.joints):
-            if joint.name.endswith(_FINGERS):
-                spec.delete(joint)
-        kept = {joint.name for joint in spec.joints}
-        speed = {name: value for name, value in urdf_velocity_limits(path).items() if name in kept}
-        robot = MujocoRobot.from_spec(spec, velocity_limit=speed)
-        q = robot.neutral.copy()
-        for i, name in enumerate(robot.joint_names[1:]):
-            q[7 + i] = next((angle for end, angle in _STANCE.items() if name.endswith(end)), 0.0)
-        robot.update(q)
-        q[2] -= robot.pose(_FEET[0])[1][2]
-        return MujocoRobot(robot.model, velocity_limit=robot.velocity_limit, neutral=q)
+        spec, speed = jvrc_spec()
+        return in_stance(spec, speed)
 
     def scene(self, seed: int) -> Scene:
         robot = self.robot()
@@ -177,6 +158,43 @@ class HumanoidReach(Limited):
         """(3,) m, where the target rests."""
         end = np.array([0.65, -0.45, 0.15])
         return end if not seed else end + np.random.default_rng(seed).normal(scale=self.spread, size=3)
+
+
+def jvrc_spec() -> tuple[Any, dict[str, float]]:
+    """The editable MuJoCo model of JVRC-1 on a floating base, without fingers and meshes, and its velocity limits, rad/s."""
+    from hqp_rp.robot.model_file import urdf_velocity_limits
+    from hqp_rp.robot.mujoco_file import mujoco_spec
+
+    path = _urdf()
+    spec = mujoco_spec(path, floating_base=True, meshes=False)
+    # The lower finger joints are coupled to the upper ones.
+    for equality in list(spec.equalities):
+        spec.delete(equality)
+    for joint in list(spec.joints):
+        if joint.name.endswith(_FINGERS):
+            spec.delete(joint)
+    kept = {joint.name for joint in spec.joints}
+    return spec, {name: value for name, value in urdf_velocity_limits(path).items() if name in kept}
+
+
+def in_stance(spec: Any, speed: dict[str, float], height: float = 0.0) -> MujocoRobot:
+    """The robot of the spec, its neutral configuration the stance with the ankles at that height, m."""
+    from hqp_rp.robot.mujoco_robot import MujocoRobot
+
+    robot = MujocoRobot.from_spec(spec, velocity_limit=speed)
+    q = robot.neutral.copy()
+    for i, name in enumerate(robot.joint_names[1:]):
+        q[7 + i] = next((angle for end, angle in _STANCE.items() if name.endswith(end)), 0.0)
+    robot.update(q)
+    q[2] += height - robot.pose(_FEET[0])[1][2]
+    return MujocoRobot(robot.model, velocity_limit=robot.velocity_limit, neutral=q)
+
+
+def jvrc_efforts() -> dict[str, float]:
+    """Joint -> the greatest torque that the URDF states, N m."""
+    from hqp_rp.robot.model_file import urdf_effort_limits
+
+    return urdf_effort_limits(_urdf())
 
 
 def _urdf() -> str:

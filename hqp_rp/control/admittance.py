@@ -108,6 +108,11 @@ class AdmittanceLaw:
         end: FloatArray = matrix.dot(start)
         return end[:m], end[m:]
 
+    def acceleration(self, deviation: FloatArray, velocity: FloatArray, force: FloatArray) -> FloatArray:
+        """e'' (m,) from e, e' and f, all (m,): M_d^-1 (f - B_d e' - K_d e), what a torque loop is asked for."""
+        found: FloatArray = np.linalg.solve(self._M, force - self._B @ velocity - self._K @ deviation)
+        return found
+
     def energy(self, deviation: FloatArray, velocity: FloatArray) -> float:
         """Kinetic and spring energy `e'^T M_d e' / 2 + e^T K_d e / 2` in J."""
         return 0.5 * float(velocity @ self._M @ velocity + deviation @ self._K @ deviation)

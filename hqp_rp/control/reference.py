@@ -60,6 +60,11 @@ class Reference(abc.ABC):
     **Start.** `start(robot, v)` sets V to the present motion J v, so that the first rate continues it: it differs by no
     more than the law accelerates in half a period. Without `start`, the robot is taken to be at rest.
 
+    **Torques.** In an `AccelerationStack` or a `TorqueStack` the law's acceleration is asked for instead of its integral:
+    `accelerate(robot, wrench, v)` in the place of `advance`, and nothing to deliver. There is no state then, no velocity loop
+    below and no anti-windup; `TorqueStack.problem` is told the wrench too (`applied`), or the robot's own inertia takes the
+    place of M_d.
+
     **Axes.** Axes turn with the frame whose they are, and V, a set of components along them, turns with them. Velocities
     are those of the frame's origin; rotational axes carry angular velocity.
     """
@@ -183,6 +188,21 @@ class Reference(abc.ABC):
         self._V = end + velocity + dt * acceleration + rest
         self._gap = None
         return self._twist.velocity
+
+    def accelerate(self, robot: Robot, wrench: Wrench, v: ArrayLike) -> FloatArray:
+        """Ask for the law's acceleration, (40), (43), (48) before integration; returns it, (m,), m/s^2 and rad/s^2.
+
+        The rows become `J v-dot = X'' - Jdot v`. Arguments and errors as of `advance`.
+        """
+        if not isinstance(wrench, Wrench):
+            raise SettingError(f"{self.name!r}: wrench is a {type(wrench).__name__}; give a Wrench.")
+        force, deviation, velocity, acceleration = self._terms(robot, self.contact_force(robot, wrench))
+        moving = self._motion(robot, v)
+        self._V = moving
+        self._twist.kd = 0.0
+        self._twist.velocity = moving
+        self._twist.acceleration = self._law.acceleration(deviation, moving - velocity, force) + acceleration
+        return self._twist.acceleration
 
     def deliver(self, robot: Robot, v: ArrayLike) -> None:
         """Say which velocity v (nv,) the robot is sent, before the robot moves on; see anti-windup."""

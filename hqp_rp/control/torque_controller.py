@@ -95,7 +95,9 @@ class TorqueController:
         self._began, self._failures = False, 0
         self._solver.reset()
 
-    def step(self, robot: Robot, dt: float, v: ArrayLike, a: ArrayLike | None = None) -> TorqueCommand:
+    def step(
+        self, robot: Robot, dt: float, v: ArrayLike, a: ArrayLike | None = None, *, applied: ArrayLike | None = None
+    ) -> TorqueCommand:
         """The torques for the next dt seconds; arguments as of `TorqueStack.problem`.
 
         Raises `HqpError` for misuse before the first good answer; for a dt that is not > 0 always.
@@ -106,7 +108,7 @@ class TorqueController:
         dynamics: InverseDynamics | None = None
         seconds = 0.0
         try:
-            problem = self._stack.problem(robot, dt, v, a)
+            problem = self._stack.problem(robot, dt, v, a, applied=applied)
             dynamics = self._stack.dynamics(problem)
             begin = time.perf_counter()
             if dynamics.degrees is None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control._contact_rows import ContactRows
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
@@ -200,7 +200,9 @@ class TorqueStack:
         """The name of each level of a problem: "contacts" first where there are contacts."""
         return (CONTACTS, *self._names) if self._contacts else self._names
 
-    def problem(self, robot: Robot, dt: float, v: ArrayLike, a: ArrayLike | None = None) -> Problem:
+    def problem(
+        self, robot: Robot, dt: float, v: ArrayLike, a: ArrayLike | None = None, *, applied: ArrayLike | None = None
+    ) -> Problem:
         """The prioritized problem at the robot's current configuration and velocity.
 
         Args:
@@ -208,6 +210,8 @@ class TorqueStack:
                 and `PinocchioRobot` have.
             dt: > 0, s, for how long the torques will be held; limits look ahead by it.
             v: (nv,) velocity, rad/s or m/s. a: (nv,) acceleration before this step; for limits on jerks only.
+            applied: (nv,) N m or N, generalized forces that are known to act beside torques and contacts, such as J^T of a
+                measured wrench on the robot, or friction: M v-dot + h = S^T tau + J_c^T f + applied. None for none.
 
         Raises:
             SettingError: dt, v or a missing or out of range.
@@ -222,6 +226,8 @@ class TorqueStack:
         if contacts.read(velocity) or counts != self._motion_counts or motion.hard_rows != self._hard_rows:
             self._lay_out(counts, motion.hard_rows)
         M, h = robot.mass_matrix(), robot.bias(velocity)
+        if applied is not None:
+            h = h - finite_vector(applied, robot.nv, "applied", "N m or N")
         n, driven = robot.nv + contacts.forces, self._driven
         total = self._total
         matrix, lower, upper = np.empty((total, n)), np.empty(total), np.empty(total)
