@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -44,7 +45,7 @@ class AccelerationRows(StackRows):
         self._biases = np.zeros((len(self._frames.names), 6))
         rows = [layout.rows for layout, _ in self._packs]
         ends = np.cumsum([0, *rows]).tolist()
-        self._native_rows_of = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+        self._native_rows_of = [slice(a, b) for a, b in itertools.pairwise(ends)]
         self._gains = np.zeros((2, ends[-1]))
         self._number_rates = np.zeros(len(self._numbers))
         self._seconds: list[Any] = [None] * len(self._packed)
@@ -132,8 +133,8 @@ class AccelerationRows(StackRows):
                 k, A, rate, _ = made[i]
                 if bias.shape != rate.shape:
                     raise ProblemError(
-                        f"{self._where(self._items[k][1])}: the number of its rows changes nearby, so that Jdot v is not known; "
-                        "give it a method bias_acceleration(robot, v)."
+                        f"{self._where(self._items[k][1])}: the number of its rows changes nearby, so that Jdot v "
+                        "is not known; give it a method bias_acceleration(robot, v)."
                     )
                 made[i] = k, A, rate - bias, rate - bias
         return made

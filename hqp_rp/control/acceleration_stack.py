@@ -44,7 +44,8 @@ class AccelerationStack(Stack):
     1e-8 of |J| |v|^2, for which the robot is moved there and back. The same is done for the centre of mass of parts.
 
     Args:
-        levels, limits, names, damping, metric: as of `Stack`; `lm_damping` of tasks of mink and pink is not taken over. An error that damping looks at is that of the rows on v-dot.
+        levels, limits, names, damping, metric: as of `Stack`; `lm_damping` of tasks of mink and pink is not taken
+            over. An error that damping looks at is that of the rows on v-dot.
         kd: 1/s, > 0, of tasks that state a velocity alone.
 
     Raises:

@@ -57,7 +57,8 @@ class Stack:
             level's rate, gain times error. None takes over the `lm_damping` of tasks of mink and pink, where they
             have one.
         metric: what the freedom that all levels leave is measured in, and every pseudo-inverse weighted by
-            (`hqp_rp.core.metric`): "inertia", the joint-space inertia M(q), for what is dynamically consistent; or weights > 0 by
+            (`hqp_rp.core.metric`): "inertia", the joint-space inertia M(q), for what is dynamically consistent; or
+            weights > 0 by
             joint name or pattern, 1 for the others: a joint of weight 100 moves a hundred times less than its neighbour where
             either would do; or (nv,) weights. None is the plain norm.
 

@@ -123,7 +123,7 @@ class FeedbackTask(NativeTask):
 
     @property
     def feedforward_acceleration(self) -> FloatArray | None:
-        """Acceleration of the target, as `feedforward` is its velocity, in units per s; None for 0. For an `AccelerationStack`."""
+        """Acceleration of the target, as `feedforward` is its velocity, or None for 0; of an `AccelerationStack`."""
         return self._acceleration
 
     @feedforward_acceleration.setter
