@@ -84,7 +84,7 @@ class ContactArm:
         surface: what all walls are made of.
         delay: steps of the simulation by which `reading` is late.
         tilt: rad, by which the axes that walls stand across are turned about the world's z.
-        torques: the arm has motors in the place of its velocity servos; see `drive`.
+        torques: the arm has motors without friction in the place of its velocity servos; see `drive`.
     """
 
     def __init__(
@@ -134,6 +134,7 @@ class ContactArm:
         self.robot = MujocoRobot.from_spec(spec, velocity_limit=arm.velocity_limit, neutral=arm.neutral)
         if torques:
             self.robot.model.actuator_gainprm[:] = self.robot.model.actuator_biasprm[:] = 0.0
+            self.robot.model.dof_damping[:] = 0.0
         self.surface = surface
         self._axes = tuple(walls)
         self._places = np.array([walls[axis] for axis in self._axes], dtype=np.float64)

@@ -78,8 +78,8 @@ class Crossing(Scenario):
 
     With command="acceleration" the unknown is v-dot: `AccelerationStack` with kp = gain^2, kd = 2 gain and the references' own
     accelerations, and the servos are sent v + period x, from the v that was measured. With command="torque" the same stack is a
-    `TorqueStack` without limits, and x becomes joint torques by inverse dynamics, each cut to `torque_limit`; the servos are
-    gone, and the viscous friction of the joints is known to the controller. Without an x the arm then brakes and compensates
+    `TorqueStack` without limits, and x becomes joint torques by inverse dynamics, each cut to `torque_limit`; the servos and
+    the viscous friction of the joints are gone. Without an x the arm then brakes and compensates
     gravity. An answer that explodes is then one of accelerations: what the arm makes of it is the measure.
 
     Seed 0 starts on the path and has o = 0. Every other seed draws o, and the offset of the start from that path, both
@@ -222,6 +222,7 @@ class Crossing(Scenario):
         robot = MujocoRobot.from_arm(self.arm(), timestep=self.period / self.substeps)
         if self.command == "torque":
             robot.model.actuator_gainprm[:] = robot.model.actuator_biasprm[:] = 0.0
+            robot.model.dof_damping[:] = 0.0
         data, limit = robot.data, robot.velocity_limit
         for case, levels in _CASES:
             references = _References(self, robot, path, levels)
@@ -256,7 +257,7 @@ class Crossing(Scenario):
     ) -> Iterator[Step]:
         import mujoco
 
-        data, model = robot.data, robot.model
+        data = robot.data
         for k in range(self.periods()):
             v = np.array(data.qvel)
             problem = references.problem(k, data.qpos, v)
@@ -269,7 +270,7 @@ class Crossing(Scenario):
             cut = np.clip(torque, -self.torque_limit, self.torque_limit)
             # The weight that the joints compensate by themselves is taken off again.
             data.qfrc_applied[:] = cut - robot.gravity()
-            mujoco.mj_step(model, data, self.substeps)
+            mujoco.mj_step(robot.model, data, self.substeps)
             measured = references.errors(k + 1, data.qpos) | {
                 "commanded acceleration [rad/s^2]": 0.0 if x is None else norm(x),
                 "measured speed [rad/s]": norm(data.qvel),
@@ -320,8 +321,7 @@ class _References:
             task.feedforward_acceleration = ahead[k]
         if self._command == "acceleration":
             return self._accelerations.problem(self._robot, self._period, v)
-        friction = -self._robot.model.dof_damping * v
-        return self.stack.problem(self._robot, self._period, v, applied=friction)
+        return self.stack.problem(self._robot, self._period, v)
 
     def errors(self, k: int, q: FloatArray) -> dict[str, float]:
         """By how far q (n,) misses the references of the time `path.time[k]`."""

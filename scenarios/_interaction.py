@@ -146,9 +146,10 @@ class Interaction(Scenario):
         hard_limits: the velocity limits are hard rows of the stack, for solvers that take them, and nothing is shortened.
         recovery: s, >= 0, the references' anti-windup, None for none; see `Reference`.
         inner_loop: what carries out the references. "velocity": as above. "torque": the law's accelerations are the levels of a
-            `TorqueStack` and the arm has motors: inverse dynamics, told the force reading and the joints' friction, in the
-            place of the servos; servo, hard_limits and recovery have no meaning then, no velocity is limited, and a solver that
-            fails makes the arm hold against gravity.
+            `TorqueStack` and the arm has motors without friction: inverse dynamics, told the force reading, in the place of the
+            servos; servo, hard_limits and recovery have no meaning then, no velocity is limited, and a solver that fails makes
+            the arm hold against gravity.
+        torque_limit: N m, > 0, at which each motor's torque is cut.
         metric: of the torque loop's stack: "inertia" for the dynamically consistent pseudo-inverse, or "none".
 
     `Step.parameter` is the time of the problem. `Step.measured`, for the period that follows it, with A for the axis of
@@ -193,9 +194,10 @@ class Interaction(Scenario):
     recovery: float | None = 0.05
     inner_loop: str = "velocity"
     metric: str = "none"
+    torque_limit: float = 80.0
 
     def __post_init__(self) -> None:
-        for name in ("duration", "period", "damping_ratio", "servo"):
+        for name in ("duration", "period", "damping_ratio", "servo", "torque_limit"):
             self._require(name, lambda value: value > 0.0, "> 0")
         for name in ("noise", "spread", "delay", *(("recovery",) if self.recovery is not None else ())):
             self._require(name, lambda value: value >= 0.0, ">= 0")
@@ -349,7 +351,6 @@ class Interaction(Scenario):
         sensor: WrenchSensor,
     ) -> Iterator[Step]:
         robot, data = contact.robot, contact.robot.data
-        model = robot.model
         levels = [list(level) for level in experiment.stack.levels]
         references = [item for level in levels for item in level if isinstance(item, Reference)]
         stack = TorqueStack(levels, metric=None if self.metric == "none" else self.metric)
@@ -367,10 +368,10 @@ class Interaction(Scenario):
             assert wrench is not None  # the reading is finite and fresh
             for reference in references:
                 reference.accelerate(robot, wrench, v)
-            # What acts beside the motors: the environment, viscous friction, and the weight that the joints compensate.
-            applied = -robot.jacobian("tool").T @ reading - model.dof_damping * v
-            command = controller.step(robot, self.period, v, applied=applied)
-            touch = contact.drive(command.torque - robot.gravity(), self.substeps)
+            command = controller.step(robot, self.period, v, applied=-robot.jacobian("tool").T @ reading)
+            # The joints compensate the weight of the links themselves.
+            torque = np.clip(command.torque, -self.torque_limit, self.torque_limit)
+            touch = contact.drive(torque - robot.gravity(), self.substeps)
             if command.problem is None or command.solution is None:
                 return
             robot.update(data.qpos)
@@ -378,6 +379,8 @@ class Interaction(Scenario):
             measured.update(experiment.errors(end, robot))
             x = command.solution.x
             measured["commanded acceleration [rad/s^2]"] = 0.0 if x is None else norm(x)
+            measured["commanded speed [rad/s]"] = 0.0 if x is None else norm(v + self.period * x)
+            measured["shortened to"] = 1.0
             measured["measured speed [rad/s]"] = norm(data.qvel)
             measured["largest torque [N m]"] = float(np.abs(command.torque).max())
             yield Step(case.name, t, command.problem, command.solution, command.solve_time, measured)

@@ -88,7 +88,7 @@ class NullSpaceTorque(Solver):
         M = np.eye(n) if problem.metric is None else problem.metric
         with np.errstate(all="ignore"):
             try:
-                x = np.linalg.solve(M, self._torque(problem, M, free))
+                x = np.asarray(np.linalg.solve(M, self._torque(problem, M, free)), dtype=np.float64)
             except np.linalg.LinAlgError:
                 x = np.full(n, np.nan)
         if not np.isfinite(x).all():

@@ -149,8 +149,8 @@ class AccelerationRows(StackRows):
             ahead = np.zeros(len(rate)) if item.feedforward_acceleration is None else item._ahead(len(rate))
             wanted: FloatArray = weight * (ahead + kd * (forward - along / weight) + kp * error)
             return wanted
-        kd = float(getattr(item, "kd", None) or self._kd)
-        return kd * (rate - along)
+        own = float(getattr(item, "kd", None) or self._kd)
+        return own * (rate - along)
 
     def _by_difference(self, numbers: list[int], dt: float | None) -> list[FloatArray]:
         """Jdot v of these items by a central difference of J v along v; the robot is put back."""

@@ -31,16 +31,17 @@ class MetricOnRobot:
 
     def __init__(self, metric: StackMetric) -> None:
         self.stated = metric
-        self._given = None
+        self._given: FloatArray | dict[str, float] | None = None
         self._robot: Robot | None = None
         self._kept: FloatArray | None = None
         if isinstance(metric, str):
             if metric != INERTIA:
                 raise SettingError(f'metric is {metric!r}; give "inertia", weights by joint name, or None.')
         elif metric is not None:
-            self._given = checked_per_joint(metric, "metric")
-            weights = list(self._given.values()) if isinstance(self._given, dict) else self._given
-            if not np.isfinite(weights).all():
+            given = checked_per_joint(metric, "metric")
+            weights = list(given.values()) if isinstance(given, dict) else given
+            self._given = given
+            if weights is not None and not np.isfinite(weights).all():
                 raise SettingError(f"metric is {metric!r}; every weight must be finite and > 0.")
 
     def on(self, robot: Robot) -> FloatArray | None:

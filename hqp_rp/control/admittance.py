@@ -110,8 +110,8 @@ class AdmittanceLaw:
 
     def acceleration(self, deviation: FloatArray, velocity: FloatArray, force: FloatArray) -> FloatArray:
         """e'' (m,) from e, e' and f, all (m,): M_d^-1 (f - B_d e' - K_d e), what a torque loop is asked for."""
-        found: FloatArray = np.linalg.solve(self._M, force - self._B @ velocity - self._K @ deviation)
-        return found
+        rest = force - self._B @ velocity - self._K @ deviation
+        return np.asarray(np.linalg.solve(self._M, rest), dtype=np.float64)
 
     def energy(self, deviation: FloatArray, velocity: FloatArray) -> float:
         """Kinetic and spring energy `e'^T M_d e' / 2 + e^T K_d e / 2` in J."""

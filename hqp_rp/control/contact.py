@@ -90,6 +90,8 @@ class Contact:
             raise SettingError(f"frame and on are both {frame!r}; a frame cannot rest on itself.")
         self._name = name or f"{frame} contact"
         self._version = 0
+        self._normal: FloatArray
+        self._friction: float
         self._points = self._checked_points(points)
         if cone not in CONES:
             raise SettingError(f"the cone of {self._name!r} is {cone!r}; choose one of {', '.join(CONES)}.")
@@ -117,7 +119,7 @@ class Contact:
         what = f"points of {self._name!r}"
         array = np.zeros((1, 3)) if points is None else np.atleast_2d(real_array(points, what))
         if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
-            raise SettingError(f"{what} have shape {np.shape(points)}; give (k, 3) finite numbers in m, k at least 1.")
+            raise SettingError(f"{what} have shape {array.shape}; give (k, 3) finite numbers in m, k at least 1.")
         array.flags.writeable = False
         return array
 
@@ -233,9 +235,9 @@ class Contact:
             self._require_finite(self._max_force)
         self._set("_activation", float(given))
 
-    def _set(self, name: str, value: object) -> None:
+    def _set(self, name: str, value: float | FloatArray) -> None:
         """Rows are made anew where something is another than before."""
-        if not np.array_equal(getattr(self, name, None), value):  # type: ignore[arg-type]
+        if not np.array_equal(getattr(self, name, np.nan), np.asarray(value)):
             setattr(self, name, value)
             self._version += 1
 
@@ -251,7 +253,8 @@ class Contact:
 
         z is the normal; x and y complete it and turn with the surface.
         """
-        return surface @ basis_with(self._normal)
+        axes: FloatArray = surface @ basis_with(self._normal)
+        return axes
 
     def cone_rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """G (r, 3), lower (r,) and upper (r,) of `lower <= G f <= upper` at one point, as they are now; the last row is f_z."""

@@ -83,7 +83,7 @@ class ContactForceTask:
     @target.setter
     def target(self, value: ArrayLike) -> None:
         target = finite_vector(value, 3, f"the target of {self._name!r}", "N")
-        if not np.array_equal(getattr(self, "_target", None), target):
+        if not np.array_equal(getattr(self, "_target", np.nan), target):
             self._target = target
             self._version += 1
 

@@ -157,7 +157,7 @@ class TorqueStack:
                 self._motion_levels.append(k)
         if not motion:
             raise SettingError("levels holds no task on the motion; give at least a PostureTask.")
-        policies = list(damping) if isinstance(damping, list | tuple) else [damping] * len(self._levels)
+        policies: list[Any] = list(damping) if isinstance(damping, list | tuple) else [damping] * len(self._levels)
         if len(policies) != len(self._levels):
             raise SettingError(
                 f"damping has {len(policies)} entries for {len(self._levels)} levels; give one policy or None for each, or one "
@@ -175,6 +175,8 @@ class TorqueStack:
         self._driven_names = None if driven is None else tuple(driven)
         self._force_unit = positive_number(force_unit, "force_unit")
         self._robot: Robot | None = None
+        self._motion_offsets: IntArray | None = None
+        self._hard_rows = -1
 
     def _level_names(self, names: Sequence[str] | None) -> tuple[str, ...]:
         if names is None:
@@ -232,7 +234,7 @@ class TorqueStack:
             or motion.hard_rows != self._hard_rows
         ):
             self._lay_out(motion)
-        M, h = robot.mass_matrix(), robot.bias(velocity)
+        M, h = robot.mass_matrix(), _bias(robot, velocity)
         if applied is not None:
             h = h - finite_vector(applied, robot.nv, "applied", "N m or N")
         n, driven, total = robot.nv + contacts.forces, self._driven, self._total
@@ -456,8 +458,7 @@ class TorqueStack:
             self._contact_rows.forces,
             self._force_unit,
         )
-        self._motion_offsets: IntArray | None = None
-        self._hard_rows = -1
+        self._motion_offsets, self._hard_rows = None, -1
         self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
         self._robot = robot
 
@@ -487,6 +488,11 @@ class TorqueStack:
     def __repr__(self) -> str:
         contacts = f", {len(self._contacts)} contacts" if self._contacts else ""
         return f"TorqueStack({' > '.join(self.names)}{contacts})"
+
+
+def _bias(robot: Any, v: FloatArray) -> FloatArray:
+    bias: FloatArray = robot.bias(v)
+    return bias
 
 
 def _rebuilt(levels: Sequence[Any], limits: Sequence[Any], arguments: dict[str, Any]) -> TorqueStack:

@@ -256,7 +256,7 @@ def stop_rise(u: float, c: float, a: float, j: float) -> float:
 class TorqueRows:
     """The rows of a torque stack on one robot."""
 
-    def __init__(self, arrays: dict, forces: int, unit: float) -> None: ...
+    def __init__(self, arrays: dict[str, Any], forces: int, unit: float) -> None: ...
 
     def fill(self, matrix: object, lower: object, upper: object, M: object, h: object, cones: object, cone_lower: object, cone_upper: object, given: object, given_lower: object, given_upper: object, places: object, motion_place: int, map: object, offset: object, point_jacobian: object) -> bool:
         """

@@ -416,10 +416,10 @@ class MujocoRobot(MujocoSurroundings):
         return int(model.jnt_bodyid[0])
 
     def _bias_of(self, kinematics: _native.Kinematics, v: FloatArray) -> FloatArray:
-        found: FloatArray = np.empty((2, 1, 6))
+        twist, bias = np.empty((1, 6)), np.empty((1, 6))
         velocity = np.ascontiguousarray(checked_vector(v, self._nv, "v"))
-        kinematics.motion(velocity, found[0], found[1])
-        return found[1, 0]
+        kinematics.motion(velocity, twist, bias)
+        return bias.ravel()
 
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""

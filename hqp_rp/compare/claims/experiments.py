@@ -48,6 +48,8 @@ SINE = 0.5
 
 PUSH, TRACK, TRACK_FAST, SWEEP_OF_SINES = "push", "tracking", "tracking sin(pi t)", "Bode"
 MEET, SERVO_MAP, DELAY_MAP, NOISE, TUNING, RECOVERY = "wall", "servo map", "delay map", "noise", "B_d", "recovery"
+PUSH_TORQUE, TRACK_TORQUE = "push, torque loop", "tracking, torque loop"
+"""The law's accelerations by inverse dynamics: what the loop below the law has to do with a verdict."""
 CORNER, WALL_NEAR, WIPE_NEAR, CONFLICT_NEAR = "corner, near", "wall, near", "wipe, near", "conflict, near"
 WIPE, CONFLICT, HYBRID, RUB = "wipe", "conflict", "tilted wipe", "wipe with friction"
 LIMITED_CORNER, LIMITED_CONFLICT = "corner, hard limits", "conflict, hard limits"
@@ -111,6 +113,13 @@ def _two_levels(places: Places, quick: bool) -> Iterator[Trial]:
     yield from _over(TRACK, SawyerForceTracking(duration=2.0 * period + 0.5, **_COARSE), both, places.regular, reverse)
     fast = SawyerForceTracking(duration=2.0 / SINE + 1.0, frequencies=(SINE,), **_COARSE)
     yield from _over(TRACK_FAST, fast, both, places.regular, reverse)
+    if not quick:
+        for metric in ("none", "inertia"):
+            driven = SawyerPushResponse(duration=2.0, inner_loop="torque", metric=metric, **_COARSE)
+            for own in (places.regular, places.corner):
+                yield from _over(PUSH_TORQUE, driven, (PAPER,), own, reverse)
+        tracked = dataclasses.replace(fast, inner_loop="torque")
+        yield from _over(TRACK_TORQUE, tracked, both, places.regular, reverse)
     sines = SawyerForceTracking(duration=1.0 / BODE[0] + 0.5, frequencies=BODE, amplitude=BODE_AMPLITUDE, **_COARSE)
     yield from _over(SWEEP_OF_SINES, sines, both, places.regular[: POSTURES // 2], reverse)
     for recovery in (0.05, None):

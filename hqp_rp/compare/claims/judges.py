@@ -24,6 +24,7 @@ from hqp_rp.compare.claims.experiments import (
     NOISE,
     NOISES,
     PUSH,
+    PUSH_TORQUE,
     RATIOS,
     RECOVERY,
     RUB,
@@ -31,6 +32,7 @@ from hqp_rp.compare.claims.experiments import (
     STIFF_SERVO,
     TRACK,
     TRACK_FAST,
+    TRACK_TORQUE,
     TUNING,
     WALL_NEAR,
     WIPE,
@@ -194,7 +196,10 @@ def singularity_free(study: Study) -> Found:
 def tracks(study: Study) -> Found:
     """Gain and lag of the alternating force."""
     outcomes, lags, gains_found = [], [], []
-    for experiment, label in ((TRACK, "sin(t / pi)"), (TRACK_FAST, f"sin(pi t), {SINE:g} Hz")):
+    fast = f"sin(pi t), {SINE:g} Hz"
+    for experiment, label in ((TRACK, "sin(t / pi)"), (TRACK_FAST, fast), (TRACK_TORQUE, f"{fast}, torque loop")):
+        if not study.has(experiment):
+            continue
         for gains in (PAPER, DAMPED):
             rows = study.pick(experiment, REVERSE, gains=gains)
             phase = 2.0 * math.pi * rows["frequency 0"].to_numpy() * rows["lag 0"].to_numpy()
@@ -347,6 +352,20 @@ def impedance(study: Study) -> Found:
             for place in (REGULAR, SINGULAR):
                 rows = study.pick(PUSH, REVERSE, servo=servo, place=place)
                 outcomes.append(outcome(f"{what}, {place}, servo x {servo:g}", rows, what, IDEAL))
+    driven = ""
+    if study.has(PUSH_TORQUE):
+        for metric in ("none", "inertia"):
+            for what in ("translation", "rotation"):
+                for place in (REGULAR, SINGULAR):
+                    rows = study.pick(PUSH_TORQUE, REVERSE, metric=metric, place=place)
+                    label = "" if metric == "none" else ", metric M"
+                    outcomes.append(outcome(f"{what}, {place}, torque loop{label}", rows, what, IDEAL))
+        rows = study.pick(PUSH_TORQUE, REVERSE, metric="none", place=REGULAR)
+        by_torques = outcome("rotation, torque loop", rows, "rotation", IDEAL)
+        driven = (
+            f" With the law's accelerations by inverse dynamics in the place of the velocity servos, rotation is "
+            f"{by_torques.figure('% off', 100.0)} in regular postures."
+        )
     turned = study.pick(PUSH, REVERSE, servo=1.0, place=REGULAR)
     rotation = outcome("rotation", turned, "rotation", IDEAL)
     damped = study.pick(PUSH, REVERSE_DAMPED, servo=1.0, place=SINGULAR)
@@ -355,7 +374,7 @@ def impedance(study: Study) -> Found:
         outcomes,
         f"rotation {rotation.figure('% off the ideal', 100.0)} at default servos, regular postures",
         f"Near singularities with T_k damped by {FIRST_DAMPING:g}, translation is {off.figure('% off', 100.0)}. The law is as "
-        "good as the velocity loop below it: the push acts on the joints as well as on the reference.",
+        "good as the velocity loop below it: the push acts on the joints as well as on the reference." + driven,
     )
 
 

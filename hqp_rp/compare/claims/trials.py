@@ -22,7 +22,18 @@ from hqp_rp.scenarios.sawyer_push_response import SawyerPushResponse
 
 _BLOCK = 10_000  # control periods in one block: some seconds
 _ERRORS = ("rms", "late_rms", "overshoot", "position", "translation", "rotation")
-_SETTINGS = ("servo", "stiffness", "delay", "noise", "friction", "damping_ratio", "hard_limits", "first", "travel")
+_SETTINGS = (
+    "servo",
+    "stiffness",
+    "delay",
+    "noise",
+    "friction",
+    "damping_ratio",
+    "hard_limits",
+    "first",
+    "travel",
+    "metric",
+)
 
 
 @dataclasses.dataclass(frozen=True)
