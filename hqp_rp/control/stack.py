@@ -57,7 +57,8 @@ class Stack:
             level's rate, gain times error. None takes over the `lm_damping` of tasks of mink and pink, where they
             have one.
         metric: what the freedom that all levels leave is measured in, and every pseudo-inverse weighted by
-            (`hqp_rp.core.metric`): "inertia", the joint-space inertia M(q), for what is dynamically consistent; or weights > 0 by
+            (`hqp_rp.core.metric`): "inertia", the joint-space inertia M(q), for what is dynamically consistent; or
+            weights > 0 by
             joint name or pattern, 1 for the others: a joint of weight 100 moves a hundred times less than its neighbour where
             either would do; or (nv,) weights. None is the plain norm.
 
@@ -288,15 +289,20 @@ class Stack:
             )
             return value
         for where, item in self._places():
-            gain = float(np.max(item.gain)) if isinstance(item, FeedbackTask) else 0.0
-            if gain * value > 1.0 + 1e-9:
-                warnings.warn(
-                    f"{where}: {item.name!r} has gain {gain:g} 1/s at dt {value:g} s: each step goes {gain * value:.3g} times "
-                    f"the way to the target, past it. Take a gain of at most 1/dt = {1.0 / value:g}.",
-                    UserWarning,
-                    stacklevel=3,
-                )
+            told = self._too_quick(item, value)
+            if told is not None:
+                warnings.warn(f"{where}: {item.name!r} has {told}", UserWarning, stacklevel=3)
         return value
+
+    def _too_quick(self, item: Any, dt: float) -> str | None:
+        """What is wrong with the gains of an item at this dt, or None."""
+        gain = float(np.max(item.gain)) if isinstance(item, FeedbackTask) else 0.0
+        if gain * dt <= 1.0 + 1e-9:
+            return None
+        return (
+            f"gain {gain:g} 1/s at dt {dt:g} s: each step goes {gain * dt:.3g} times the way to the target, past it. Take a "
+            f"gain of at most 1/dt = {1.0 / dt:g}."
+        )
 
     def _with_theirs(
         self, rows: StackRows, lower: FloatArray, dt: float | None

@@ -119,7 +119,7 @@ class FeedbackTask(NativeTask):
 
     @property
     def feedforward_acceleration(self) -> FloatArray | None:
-        """Acceleration of the target, as `feedforward` is its velocity, in units per s; None for 0. For an `AccelerationStack`."""
+        """Acceleration of the target, as `feedforward` is its velocity, or None for 0; of an `AccelerationStack`."""
         return self._acceleration
 
     @feedforward_acceleration.setter
@@ -133,9 +133,13 @@ class FeedbackTask(NativeTask):
         """How many numbers a feed-forward has; None when only a robot can tell."""
         return self._rows
 
+    def _feedback(self) -> tuple[float | FloatArray, float | FloatArray]:
+        """kp in 1/s^2 and kd in 1/s, one number or (m,) each."""
+        kp = self._gain * self._gain if self._kp is None else self._kp
+        return kp, 2.0 * self._gain if self._kd is None else self._kd
+
     def _second_order(self, rows: int) -> tuple[FloatArray, FloatArray]:
-        kp = np.square(self._gain) if self._kp is None else self._kp
-        kd = np.multiply(2.0, self._gain) if self._kd is None else self._kd
+        kp, kd = self._feedback()
         return np.broadcast_to(kp, (rows,)), np.broadcast_to(kd, (rows,))
 
     def _ahead(self, rows: int) -> FloatArray:

@@ -42,7 +42,8 @@ class TwistTask(NativeTask):
             origin.
         name: default "<frame> twist".
 
-    In an `AccelerationStack` the frame follows the velocity: d/dt((R_f^T J)[axes] v) = acceleration + kd (velocity - (R_f^T J)[axes] v).
+    In an `AccelerationStack` the frame follows the velocity: d/dt((R_f^T J)[axes] v) = acceleration + kd (velocity -
+    (R_f^T J)[axes] v).
 
     `velocity`, `acceleration` and `kd` may be set at every step.
 

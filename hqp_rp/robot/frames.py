@@ -156,7 +156,8 @@ def _ask(robot: Robot, method: str) -> Callable[..., FloatArray]:
     found: Callable[..., FloatArray] | None = getattr(robot, method, None)
     if found is None:
         raise RobotError(
-            f"a {type(robot).__name__} has no method {method}(), which accelerations need; use a MujocoRobot or a PinocchioRobot."
+            f"a {type(robot).__name__} has no method {method}(), which accelerations need; use a MujocoRobot or "
+            "a PinocchioRobot."
         )
     return found
 

@@ -328,6 +328,22 @@ class PinocchioRobot(ModelRobot):
         self._require_part_mass(total, bodies)
         return center / total, jacobian / total
 
+    def part_center_of_mass_bias_acceleration(self, bodies: Sequence[str], v: FloatArray) -> FloatArray:
+        """As `MujocoRobot.part_center_of_mass_bias_acceleration`."""
+        model, data = self._model, self._dynamics
+        velocity = checked_vector(v, self._nv, "v")
+        roots = {self._moving_joint(name) for name in bodies}
+        pin.centerOfMass(model, data, self._normalized, velocity, np.zeros(self._nv), True)
+        total, acceleration = 0.0, np.zeros(3)
+        for joint in roots:
+            if roots & set(list(model.supports[joint])[:-1]):
+                continue  # a part of another part
+            mass = float(data.mass[joint])
+            total += mass
+            acceleration += mass * (data.oMi[joint].rotation @ data.acom[joint])
+        self._require_part_mass(total, bodies)
+        return acceleration / total
+
     def _moving_joint(self, name: str) -> int:
         """The joint that carries this frame."""
         joint = int(self._model.frames[self._frame(name)].parentJoint)
