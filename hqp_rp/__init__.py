@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from hqp_rp import problems
     from hqp_rp.compare.stress import stress
     from hqp_rp.control.acceleration_stack import AccelerationStack
+    from hqp_rp.control.angular_momentum_task import AngularMomentumTask
     from hqp_rp.control.catalogue import Catalogue, find_singularities
     from hqp_rp.control.center_of_mass_task import CenterOfMassTask
     from hqp_rp.control.collision_limit import CollisionLimit
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AngularMomentumTask",
     "AccelerationStack",
     "BatchSolution",
     "Catalogue",
@@ -150,6 +152,7 @@ __all__ = [
 
 # `import hqp_rp` stays light: what needs more than numpy is imported when it is first used.
 _LAZY = {
+    "AngularMomentumTask": "control.angular_momentum_task",
     "TorqueTask": "control.torque_task",
     "TorqueStack": "control.torque_stack",
     "TorqueController": "control.torque_controller",

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
+from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.orientation_task import OrientationTask
 from hqp_rp.control.position_task import PositionTask
 from hqp_rp.control.posture_task import PostureTask
 from hqp_rp.control.stack import Stack
+from hqp_rp.control.torque_stack import TorqueStack
 from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, Problem
@@ -25,6 +27,8 @@ from hqp_rp.scenarios.scenario import Scenario, Step, timed_solve
 if TYPE_CHECKING:
     from hqp_rp.robot.mujoco_robot import MujocoRobot
 
+COMMANDS = ("velocity", "acceleration", "torque")
+METRICS = ("none", "inertia")
 _CASES = (("three levels", 3), ("two levels", 2))
 _ERRORS = ("position error [m]", "orientation error [rad]", "posture error [rad]")
 _GAINS = ("position_gain", "orientation_gain", "posture_gain")
@@ -72,6 +76,12 @@ class Crossing(Scenario):
     the servos, each clipped to its joint's velocity limit, as a servo would; the problem itself knows no limit, and x is
     what is judged. Without an x the arm is commanded to hold still for that period; a refusal ends the run.
 
+    With command="acceleration" the unknown is v-dot: `AccelerationStack` with kp = gain^2, kd = 2 gain and the references' own
+    accelerations, and the servos are sent v + period x, from the v that was measured. With command="torque" the same stack is a
+    `TorqueStack` without limits, and x becomes joint torques by inverse dynamics, each cut to `torque_limit`; the servos are
+    gone, and the viscous friction of the joints is known to the controller. Without an x the arm then brakes and compensates
+    gravity. An answer that explodes is then one of accelerations: what the arm makes of it is the measure.
+
     Seed 0 starts on the path and has o = 0. Every other seed draws o, and the offset of the start from that path, both
     normal with standard deviation `spread` per joint.
 
@@ -80,7 +90,8 @@ class Crossing(Scenario):
         substeps: simulation steps per period.
         reach: rad, half the length of the joint path. demand: rad, >= 0. window: in (0, 1].
         position_gain, orientation_gain, posture_gain: 1/s, >= 0 and gain * period <= 1.
-        spread: rad, >= 0.
+        spread: rad, >= 0. command: "velocity", "acceleration" or "torque". torque_limit: N m, > 0. metric: of the stack, "none"
+            or "inertia".
 
     `Step.parameter` is the time at which the problem is posed. `Step.measured`, at the end of the period it acts for:
 
@@ -89,7 +100,9 @@ class Crossing(Scenario):
         "commanded speed [rad/s]": ||x||, as asked for, before the servos clip it (0 without an x);
         "measured speed [rad/s]": ||dq/dt||;
         "servo error [rad/s]": largest |clipped command - dq/dt| of a joint;
-        "saturated joints": how many servos clipped their command.
+        "saturated joints": how many servos clipped their command, or motors their torque;
+        with accelerations, "commanded acceleration [rad/s^2]", ||x||, in the place of "commanded speed", and with torques
+        "largest torque [N m]", as asked for, in the place of "servo error".
 
     Raises:
         SettingError: a setting out of its range.
@@ -119,9 +132,18 @@ class Crossing(Scenario):
     orientation_gain: float = 20.0
     posture_gain: float = 2.0
     spread: float = 0.01
+    command: str = "velocity"
+    torque_limit: float = 80.0
+    metric: str = "none"
 
     def __post_init__(self) -> None:
-        for name in ("duration", "period", "reach"):
+        if self.command not in COMMANDS:
+            raise SettingError(
+                f"command of {self.name} is {self.command!r}; it must be one of {', '.join(COMMANDS)}."
+            )
+        if self.metric not in METRICS:
+            raise SettingError(f"metric of {self.name} is {self.metric!r}; it must be one of {', '.join(METRICS)}.")
+        for name in ("duration", "period", "reach", "torque_limit"):
             self._require(name, lambda value: value > 0.0, "> 0")
         for name in ("demand", "spread"):
             self._require(name, lambda value: value >= 0.0, ">= 0")
@@ -200,6 +222,8 @@ class Crossing(Scenario):
 
         path = self.path(seed)
         robot = MujocoRobot.from_arm(self.arm(), timestep=self.period / self.substeps)
+        if self.command == "torque":
+            robot.model.actuator_gainprm[:] = robot.model.actuator_biasprm[:] = 0.0
         data, limit = robot.data, robot.velocity_limit
         for case, levels in _CASES:
             references = _References(self, robot, path, levels)
@@ -207,19 +231,56 @@ class Crossing(Scenario):
             data.qpos[:] = self._start(path, seed)
             mujoco.mj_forward(robot.model, data)
             solver.reset()
+            if self.command == "torque":
+                yield from self._torques(case, path, references, robot, solver)
+                continue
             for k in range(self.periods()):
-                problem = references.problem(k, data.qpos)
+                v = np.array(data.qvel)
+                problem = references.problem(k, data.qpos, v)
                 solution, seconds = timed_solve(solver, problem)
                 x = solution.x
                 if x is None or not np.isfinite(x).all():
                     x = np.zeros(robot.nv)
+                else:
+                    x = v + self.period * x if self.command == "acceleration" else x
                 command = np.clip(x, -limit, limit)
                 data.ctrl[:] = command
                 mujoco.mj_step(robot.model, data, self.substeps)
                 measured = references.errors(k + 1, data.qpos) | _speeds(x, command, data.qvel)
+                if self.command == "acceleration":
+                    measured["commanded acceleration [rad/s^2]"] = 0.0 if solution.x is None else norm(solution.x)
                 yield Step(case, float(path.time[k]), problem, solution, seconds, measured)
                 if solution.status is Status.REFUSED:
                     return
+
+    def _torques(
+        self, case: str, path: Path, references: _References, robot: MujocoRobot, solver: Solver
+    ) -> Iterator[Step]:
+        import mujoco
+
+        data, model = robot.data, robot.model
+        for k in range(self.periods()):
+            v = np.array(data.qvel)
+            problem = references.problem(k, data.qpos, v)
+            solution, seconds = timed_solve(solver, problem)
+            x = solution.x
+            if x is None or not np.isfinite(x).all():
+                torque = references.stack.holding_torque(robot, v, 20.0)
+            else:
+                torque = references.stack.dynamics(problem).torque(x)
+            cut = np.clip(torque, -self.torque_limit, self.torque_limit)
+            # The weight that the joints compensate by themselves is taken off again.
+            data.qfrc_applied[:] = cut - robot.gravity()
+            mujoco.mj_step(model, data, self.substeps)
+            measured = references.errors(k + 1, data.qpos) | {
+                "commanded acceleration [rad/s^2]": 0.0 if x is None else norm(x),
+                "measured speed [rad/s]": norm(data.qvel),
+                "largest torque [N m]": float(np.abs(torque).max()),
+                "saturated joints": float(np.count_nonzero(cut != torque)),
+            }
+            yield Step(case, float(path.time[k]), problem, solution, seconds, measured)
+            if solution.status is Status.REFUSED or not np.isfinite(data.qpos).all():
+                return
 
     def _start(self, path: Path, seed: int) -> FloatArray:
         # A stream of its own, so that the offset of the path does not depend on it.
@@ -244,12 +305,25 @@ class _References:
         self._orientation.gain = scenario.orientation_gain
         self._posture = PostureTask(path.q[0], gain=scenario.posture_gain)
         self._tasks = (self._position, self._orientation, self._posture)[:levels]
-        self._stack = Stack(self._tasks)
+        self._command, self._period = scenario.command, scenario.period
+        metric = None if scenario.metric == "none" else scenario.metric
+        self._stack = Stack(self._tasks, metric=metric)
+        self._accelerations = AccelerationStack(self._tasks, metric=metric)
+        self.stack = TorqueStack(self._tasks, metric=metric)
+        rates = (path.velocity, path.angular_velocity, path.qd)
+        self._ahead = [np.gradient(rate, path.time, axis=0) for rate in rates]
 
-    def problem(self, k: int, q: FloatArray) -> Problem:
-        """What is asked at the time `path.time[k]` and the configuration q (n,)."""
+    def problem(self, k: int, q: FloatArray, v: FloatArray) -> Problem:
+        """What is asked at the time `path.time[k]`, the configuration q (n,) and the velocity v (n,)."""
         self._set(k, q)
-        return self._stack.problem(self._robot)
+        if self._command == "velocity":
+            return self._stack.problem(self._robot)
+        for task, ahead in zip(self._tasks, self._ahead, strict=False):
+            task.feedforward_acceleration = ahead[k]
+        if self._command == "acceleration":
+            return self._accelerations.problem(self._robot, self._period, v)
+        friction = -self._robot.model.dof_damping * v
+        return self.stack.problem(self._robot, self._period, v, applied=friction)
 
     def errors(self, k: int, q: FloatArray) -> dict[str, float]:
         """By how far q (n,) misses the references of the time `path.time[k]`."""

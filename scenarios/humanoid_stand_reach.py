@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from hqp_rp.control.activation import ramp
+from hqp_rp.control.activation import BlendedSolution, ramp
 from hqp_rp.control.center_of_mass_task import CenterOfMassTask
 from hqp_rp.control.command import Mode
 from hqp_rp.control.contact import Contact
@@ -21,6 +21,7 @@ from hqp_rp.control.position_task import PositionTask
 from hqp_rp.control.posture_task import PostureTask
 from hqp_rp.control.torque_controller import TorqueCommand, TorqueController
 from hqp_rp.control.torque_stack import TorqueStack
+from hqp_rp.core.damping import ErrorDamping
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.solution import Status
@@ -62,6 +63,9 @@ class HumanoidStandReach(Scenario):
     right one and sets it down. What MuJoCo makes of the torques is what happens; the controller knows the model, the state and
     which contacts are meant to be closed, and not the push.
 
+    While a foot comes or goes, the torques are a blend of two answers; the one that weighs more is the step's problem and
+    solution, and the solve time is that of both.
+
     `Step.measured`, of the period that follows the problem:
 
         "slip [m]": how far a closed sole is from where it was closed, the larger; "tilt [rad]": of the pelvis from upright;
@@ -73,7 +77,8 @@ class HumanoidStandReach(Scenario):
     Args:
         duration: s. period: s between two solves. substeps: simulation steps in one.
         friction: of floor and controller alike, > 0. reach: m. push: N, forwards at the pelvis for 0.1 s.
-        acceleration: rad/s^2, of the joint box.
+        acceleration: rad/s^2, of the joint box. hand_damping: c >= 0 of `ErrorDamping(c)` of the hand's level, 0 for none: a target
+            out of reach is one that a strict level throws the robot over for.
 
     Seeds other than 0 turn the push by a random angle and vary reach and push by a tenth.
 
@@ -100,19 +105,22 @@ class HumanoidStandReach(Scenario):
     period: float = 0.004
     substeps: int = 4
     friction: float = 0.7
-    reach: float = 0.6
+    reach: float = 0.9
     push: float = 80.0
     acceleration: float = 150.0
+    hand_damping: float = 0.01
 
     def __post_init__(self) -> None:
         for name in ("duration", "period", "friction", "acceleration"):
             value = getattr(self, name)
             if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 < value < math.inf:
                 raise SettingError(f"{name} of {self.name} is {value!r}; it must be a finite number > 0.")
-        for name in ("reach", "push"):
+        for name in ("reach", "push", "hand_damping"):
             value = getattr(self, name)
             if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
                 raise SettingError(f"{name} of {self.name} is {value!r}; it must be a finite number.")
+        if self.hand_damping < 0.0:
+            raise SettingError(f"hand_damping of {self.name} is {self.hand_damping!r}; it must be >= 0.")
         if isinstance(self.substeps, bool) or not isinstance(self.substeps, int) or self.substeps < 1:
             raise SettingError(f"substeps of {self.name} is {self.substeps!r}; it must be an integer of at least 1.")
         if self.duration < 2.0 * self.period:
@@ -193,7 +201,11 @@ class HumanoidStandReach(Scenario):
             robot.update(data.qpos)
             run.refer(t + self.period)
             measured = run.measured(command, data)
-            yield Step("", t, command.problem, command.solution, command.solve_time, measured)
+            problem, solution = command.problem, command.solution
+            if isinstance(solution, BlendedSolution):  # each part answers a problem of its own; the blend answers none
+                solution = max(solution.parts, key=lambda part: part[0])[1]
+                problem = solution.problem
+            yield Step("", t, problem, solution, command.solve_time, measured)
             if command.solution.status is Status.REFUSED:
                 return
 
@@ -233,6 +245,7 @@ class _Run:
             contacts=self.contacts,
             torque=efforts,
             names=["balance", "swing foot", "hand", "torso", "posture"],
+            damping=[None, None, ErrorDamping(scenario.hand_damping) if scenario.hand_damping else None, None, None],
         )
         robot.data.qpos[:] = robot.neutral
         self._was_open = False

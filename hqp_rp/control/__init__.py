@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.activation import BlendedSolution, blend, ramp
+from hqp_rp.control.angular_momentum_task import AngularMomentumTask
 from hqp_rp.control.center_of_mass_task import CenterOfMassTask
 from hqp_rp.control.collision_limit import CollisionLimit
 from hqp_rp.control.command import Command, Mode
@@ -43,6 +44,7 @@ from hqp_rp.control.wrench import Wrench, WrenchSensor
 
 __all__ = [
     "AccelerationStack",
+    "AngularMomentumTask",
     "BlendedSolution",
     "CenterOfMassTask",
     "CollisionLimit",

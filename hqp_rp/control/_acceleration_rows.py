@@ -28,6 +28,7 @@ class AccelerationRows(StackRows):
     __slots__ = (
         "_biases",
         "_gains",
+        "_gains_given",
         "_kd",
         "_native_motion",
         "_native_rows_of",
@@ -48,6 +49,7 @@ class AccelerationRows(StackRows):
         self._gains = np.zeros((2, ends[-1]))
         self._number_rates = np.zeros(len(self._numbers))
         self._seconds: list[Any] = [None] * len(self._packed)
+        self._gains_given = [-1] * len(self._packed)
         self._velocity = np.zeros(robot.nv)
         self._native_motion = self._frames.kinematics is not None
 
@@ -82,8 +84,10 @@ class AccelerationRows(StackRows):
         """Gains and rates of the numbers of a task, when something of it was set."""
         layout, span = self._packs[i]
         if isinstance(task, NativeTask):
-            rows = self._native_rows_of[i]
-            self._gains[0, rows], self._gains[1, rows] = task._second_order(layout.rows)
+            if task._gains_given != self._gains_given[i]:
+                rows = self._native_rows_of[i]
+                self._gains[0, rows], self._gains[1, rows] = task._second_order(layout.rows)
+                self._gains_given[i] = task._gains_given
             self._number_rates[span] = task._number_rates(layout)
 
     def _take_out(self, matrix: FloatArray, lower: FloatArray, upper: FloatArray) -> None:

@@ -93,9 +93,11 @@ class NativeRows(abc.ABC):
 
 
 class NativeTask(NativeRows):
-    """A task; its numbers begin with gain and weight, one for each row."""
+    """A task; its numbers begin with gain and weight, one for each row. `_gains_given` counts how often gains were set."""
 
-    __slots__ = ()
+    __slots__ = ("_gains_given",)
+
+    _gains_given: int
 
     @abc.abstractmethod
     def _second_order(self, rows: int) -> tuple[FloatArray, FloatArray]:

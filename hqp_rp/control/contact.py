@@ -173,8 +173,7 @@ class Contact:
 
     @normal.setter
     def normal(self, value: ArrayLike) -> None:
-        self._normal = unit_vector(value, f"the normal of {self._name!r}")
-        self._version += 1
+        self._set("_normal", unit_vector(value, f"the normal of {self._name!r}"))
 
     @property
     def friction(self) -> float:
@@ -183,8 +182,7 @@ class Contact:
 
     @friction.setter
     def friction(self, value: float) -> None:
-        self._friction = positive_number(value, f"the friction of {self._name!r}")
-        self._version += 1
+        self._set("_friction", positive_number(value, f"the friction of {self._name!r}"))
 
     @property
     def min_force(self) -> float:
@@ -199,8 +197,7 @@ class Contact:
                 f"the min_force of {self._name!r} is {value!r}; it must be finite and between 0 and max_force, "
                 f"{self._max_force:g} N."
             )
-        self._min_force = float(given)
-        self._version += 1
+        self._set("_min_force", float(given))
 
     @property
     def max_force(self) -> float:
@@ -216,8 +213,7 @@ class Contact:
             )
         if self._activation < 1.0:
             self._require_finite(float(given))
-        self._max_force = float(given)
-        self._version += 1
+        self._set("_max_force", float(given))
 
     @property
     def activation(self) -> float:
@@ -235,8 +231,13 @@ class Contact:
             raise SettingError(f"the activation of {self._name!r} is {value!r}; it must be a number in [0, 1].")
         if float(given) < 1.0:
             self._require_finite(self._max_force)
-        self._activation = float(given)
-        self._version += 1
+        self._set("_activation", float(given))
+
+    def _set(self, name: str, value: object) -> None:
+        """Rows are made anew where something is another than before."""
+        if not np.array_equal(getattr(self, name, None), value):  # type: ignore[arg-type]
+            setattr(self, name, value)
+            self._version += 1
 
     def _require_finite(self, max_force: float) -> None:
         if not math.isfinite(max_force):

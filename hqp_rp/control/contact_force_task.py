@@ -82,8 +82,10 @@ class ContactForceTask:
 
     @target.setter
     def target(self, value: ArrayLike) -> None:
-        self._target = finite_vector(value, 3, f"the target of {self._name!r}", "N")
-        self._version += 1
+        target = finite_vector(value, 3, f"the target of {self._name!r}", "N")
+        if not np.array_equal(getattr(self, "_target", None), target):
+            self._target = target
+            self._version += 1
 
     @property
     def weight(self) -> float | FloatArray:

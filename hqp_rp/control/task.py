@@ -59,6 +59,7 @@ class FeedbackTask(NativeTask):
 
     def __init__(self, rows: int | None, name: str, gain: ArrayLike, weight: ArrayLike) -> None:
         self._alone = None
+        self._gains_given = 0
         self._rows = rows
         self._name = str(name)
         self._kp: float | FloatArray | None = None
@@ -85,6 +86,7 @@ class FeedbackTask(NativeTask):
     @gain.setter
     def gain(self, value: ArrayLike) -> None:
         self._gain = per_row(value, self._rows, f"the gain of {self._name!r}", positive=False)
+        self._gains_given += 1
         self._packed = None
 
     @property
@@ -105,6 +107,7 @@ class FeedbackTask(NativeTask):
     @kp.setter
     def kp(self, value: ArrayLike | None) -> None:
         self._kp = None if value is None else per_row(value, self._rows, f"the kp of {self._name!r}", positive=False)
+        self._gains_given += 1
         self._packed = None
 
     @property
@@ -115,6 +118,7 @@ class FeedbackTask(NativeTask):
     @kd.setter
     def kd(self, value: ArrayLike | None) -> None:
         self._kd = None if value is None else per_row(value, self._rows, f"the kd of {self._name!r}", positive=False)
+        self._gains_given += 1
         self._packed = None
 
     @property

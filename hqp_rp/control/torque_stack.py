@@ -28,10 +28,11 @@ from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
+_empty = np.empty
 CONTACTS = "contacts"
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(slots=True, eq=False)
 class InverseDynamics:
     """How an answer x = (v-dot, f / force_unit) of one problem becomes torques.
 
@@ -168,6 +169,7 @@ class TorqueStack:
         self._damping = tuple(policies)
         self._metric = MetricOnRobot(metric)
         self._names = self._level_names(names)
+        self._all_names = (CONTACTS, *self._names) if self._contacts else self._names
         self._torque = checked_per_joint(torque, "torque")
         self._driven_names = None if driven is None else tuple(driven)
         self._force_unit = positive_number(force_unit, "force_unit")
@@ -198,7 +200,7 @@ class TorqueStack:
     @property
     def names(self) -> tuple[str, ...]:
         """The name of each level of a problem: "contacts" first where there are contacts."""
-        return (CONTACTS, *self._names) if self._contacts else self._names
+        return self._all_names
 
     def problem(
         self, robot: Robot, dt: float, v: ArrayLike, a: ArrayLike | None = None, *, applied: ArrayLike | None = None
@@ -222,49 +224,39 @@ class TorqueStack:
         if robot is not self._robot:
             self._meet(robot)
         velocity = np.ascontiguousarray(v, dtype=np.float64)
-        contacts, counts = self._contact_rows, np.diff(motion.given_offsets).tolist()
-        if contacts.read(velocity) or counts != self._motion_counts or motion.hard_rows != self._hard_rows:
-            self._lay_out(counts, motion.hard_rows)
+        contacts = self._contact_rows
+        if contacts.read(velocity) or motion.given_offsets is not self._motion_offsets or motion.hard_rows != self._hard_rows:
+            self._lay_out(motion)
         M, h = robot.mass_matrix(), robot.bias(velocity)
         if applied is not None:
             h = h - finite_vector(applied, robot.nv, "applied", "N m or N")
-        n, driven = robot.nv + contacts.forces, self._driven
-        total = self._total
-        matrix, lower, upper = np.empty((total, n)), np.empty(total), np.empty(total)
-        torque_map, jacobian = np.empty((len(driven), n)), np.empty((contacts.forces, robot.nv))
-        cones = contacts.cones, contacts.cone_lower, contacts.cone_upper
-        given, low, high, _ = (
-            motion.with_hard
-            if not motion.on_top
-            else (
-                motion.given,
-                motion.given_lower,
-                motion.given_upper,
-                None,
-            )
-        )
-        self._native.fill(
+        n, driven, total = robot.nv + contacts.forces, self._driven, self._total
+        matrix, lower, upper = _empty((total, n)), _empty(total), _empty(total)
+        torque_map, offset, jacobian = _empty((len(driven), n)), _empty(len(driven)), _empty((contacts.forces, robot.nv))
+        sound = self._native.fill(
             matrix,
             lower,
             upper,
             M,
             h,
-            *cones,
-            given,
-            low,
-            high,
+            contacts.cones,
+            contacts.cone_lower,
+            contacts.cone_upper,
+            motion.given,
+            motion.given_lower,
+            motion.given_upper,
             self._places,
             self._contact_place,
             torque_map,
+            offset,
             jacobian,
         )
-        offset = h[driven]
+        if not sound:
+            raise ProblemError(f"The mass matrix or the bias torque of {robot!r} is not finite at this q and v.")
         for item, rows in self._force_places:
             A, b = self._force_rows(item, torque_map, offset, n)
             matrix[rows] = A
             lower[rows] = upper[rows] = b
-        if not math.isfinite(float(M.sum()) + float(h.sum())):
-            raise ProblemError(f"The mass matrix or the bias torque of {robot!r} is not finite at this q and v.")
         policies = None if motion.damping is None else self._policies(motion.damping)
         problem = Problem.from_rows(
             matrix,
@@ -302,13 +294,14 @@ class TorqueStack:
             np.zeros(0, dtype=np.int64),
             total - self._contact_rows.rows,
             np.empty((len(self._driven), nv + forces)),
+            np.empty(len(self._driven)),
             jacobian,
         )
         return jacobian
 
-    def _lay_out(self, counts: list[int], hard_rows: int) -> None:
+    def _lay_out(self, motion: Problem) -> None:
         """Where all rows stand: hard ones, contacts, then each level's rows on accelerations and on forces."""
-        contacts = self._contact_rows
+        contacts, counts, hard_rows = self._contact_rows, np.diff(motion.given_offsets).tolist(), motion.hard_rows
         first = len(self._passive) + len(self._limited) + len(contacts.cones)
         places = list(range(first, first + hard_rows))
         self._first = at = first + hard_rows
@@ -334,7 +327,7 @@ class TorqueStack:
         self._degrees = np.ones(at - self._first)
         if self._contacts:
             self._degrees[: contacts.rows] = contacts.degrees
-        self._motion_counts, self._hard_rows = counts, hard_rows
+        self._motion_offsets, self._hard_rows = motion.given_offsets, hard_rows
         self._kept_forces: dict[int, tuple[int, FloatArray, FloatArray]] = {}
 
     def dynamics(self, problem: Problem) -> InverseDynamics:
@@ -454,7 +447,7 @@ class TorqueStack:
             self._contact_rows.forces,
             self._force_unit,
         )
-        self._motion_counts: list[int] | None = None
+        self._motion_offsets: IntArray | None = None
         self._hard_rows = -1
         self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
         self._robot = robot

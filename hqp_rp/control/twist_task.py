@@ -67,6 +67,7 @@ class TwistTask(NativeTask):
         name: str = "",
     ) -> None:
         self._alone = None
+        self._gains_given = 0
         self._frame = frame_name(frame, "frame")
         self._expressed_in = frame_name(expressed_in, "expressed_in")
         self._name = name or f"{frame} twist"
@@ -126,6 +127,7 @@ class TwistTask(NativeTask):
     @kd.setter
     def kd(self, value: ArrayLike) -> None:
         self._kd = per_row(value, len(self._axes), f"the kd of {self._name!r}", positive=False)
+        self._gains_given += 1
         self._packed = None
 
     def _second_order(self, rows: int) -> tuple[FloatArray, FloatArray]:

@@ -258,8 +258,10 @@ class TorqueRows:
 
     def __init__(self, arrays: dict, forces: int, unit: float) -> None: ...
 
-    def fill(self, matrix: object, lower: object, upper: object, M: object, h: object, cones: object, cone_lower: object, cone_upper: object, given: object, given_lower: object, given_upper: object, places: object, motion_place: int, map: object, point_jacobian: object) -> None:
-        """Fill all rows but those of tasks on forces."""
+    def fill(self, matrix: object, lower: object, upper: object, M: object, h: object, cones: object, cone_lower: object, cone_upper: object, given: object, given_lower: object, given_upper: object, places: object, motion_place: int, map: object, offset: object, point_jacobian: object) -> bool:
+        """
+        Fill all rows but those of tasks on forces; false where M or h is not finite.
+        """
 
 def saturation_null_space(problem: object, secondary: object | None, rank_tolerance: float, optimal: bool) -> tuple[Any, ...]:
     """(x, scale of each level, finite, tried, unfinished level, missed level), -1 for no level, or two rows in conflict."""

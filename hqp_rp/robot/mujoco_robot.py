@@ -361,14 +361,16 @@ class MujocoRobot(MujocoSurroundings):
 
     def bias(self, v: FloatArray) -> FloatArray:
         """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau, for v (nv,): Coriolis, centrifugal and gravity torques."""
-        self._complete()
-        torque = np.empty(self._nv)
-        self._data.qvel[:] = checked_vector(v, self._nv, "v")
-        mujoco.mj_comVel(self._model, self._data)
-        mujoco.mj_rne(self._model, self._data, 0, torque)
+        velocity = checked_vector(v, self._nv, "v")
+        if not self._is_complete:
+            self._complete()
+        torque, model, data = np.empty(self._nv), self._model, self._data
+        data.qvel[...] = velocity
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_rne(model, data, 0, torque)
         # The private state is at rest for every other method.
-        self._data.qvel[:] = 0.0
-        mujoco.mj_comVel(self._model, self._data)
+        data.qvel[...] = 0.0
+        mujoco.mj_comVel(model, data)
         return torque
 
     @property
@@ -400,6 +402,35 @@ class MujocoRobot(MujocoSurroundings):
         """(3,) acceleration of the centre of mass in world axes, at v (nv,) and v-dot = 0, without gravity."""
         kinematics = self._kinematics.get(None) or self._kinematics_of((Point.CENTER_OF_MASS,))
         return self._bias_of(kinematics, v)[:3]
+
+    def angular_momentum_jacobian(self) -> FloatArray:
+        """A (3, nv): angular momentum about the centre of mass, kg m^2/s, in world axes, is A v; of a robot on a free base.
+
+        Raises `RobotError` for a robot whose only moving tree does not begin with a free joint.
+        """
+        body = self._free_body()
+        self._complete()
+        matrix: FloatArray = np.empty((3, self._nv))
+        mujoco.mj_angmomMat(self._model, self._data, matrix, body)
+        return matrix
+
+    def angular_momentum_bias(self, v: FloatArray) -> FloatArray:
+        """(3,) N m: the rate of the angular momentum about the centre of mass at v (nv,) and v-dot = 0; errors as its Jacobian."""
+        body = self._free_body()
+        wrench = (self.bias(v) - self.gravity())[:6]
+        rotation, origin = self._body_pose[0][body], self._body_pose[1][body]
+        # The wrench that moves the whole robot, from the base's origin to the centre of mass.
+        found: FloatArray = rotation @ wrench[3:] + np.cross(origin - self.center_of_mass(), wrench[:3])
+        return found
+
+    def _free_body(self) -> int:
+        """The body that the free joint carries."""
+        model = self._model
+        if model.ntree != 1 or int(model.jnt_type[0]) != int(mujoco.mjtJoint.mjJNT_FREE):
+            raise RobotError(
+                f"{self._name}: an angular momentum about the centre of mass is told of one tree on a free joint alone."
+            )
+        return int(model.jnt_bodyid[0])
 
     def _bias_of(self, kinematics: _native.Kinematics, v: FloatArray) -> FloatArray:
         found: FloatArray = np.empty((2, 1, 6))

@@ -392,6 +392,20 @@ class PinocchioRobot(ModelRobot):
         pin.centerOfMass(self._model, self._dynamics, self._normalized, velocity, np.zeros(self._nv), False)
         return np.array(self._dynamics.acom[0])
 
+    def angular_momentum_jacobian(self) -> FloatArray:
+        """As `MujocoRobot.angular_momentum_jacobian`, of any robot."""
+        self._require_mass()
+        matrix = pin.computeCentroidalMap(self._model, self._dynamics, self._normalized)
+        return np.array(matrix, order="C").reshape(6, self._nv)[3:]
+
+    def angular_momentum_bias(self, v: FloatArray) -> FloatArray:
+        """As `MujocoRobot.angular_momentum_bias`, of any robot."""
+        self._require_mass()
+        velocity = checked_vector(v, self._nv, "v")
+        rate = np.array(pin.dccrba(self._model, self._dynamics, self._normalized, velocity)).reshape(6, self._nv)
+        found: FloatArray = rate[3:] @ velocity
+        return found
+
     def _move_dynamics(self, v: FloatArray) -> None:
         velocity = checked_vector(v, self._nv, "v")
         pin.forwardKinematics(self._model, self._dynamics, self._normalized, velocity, np.zeros(self._nv))

@@ -123,6 +123,33 @@ def test_inverse_dynamics_is_mj_inverse(name):
     np.testing.assert_allclose(robot.inverse_dynamics(v, a), data.qfrc_inverse, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["every kind of joint", "every kind of joint, Pinocchio"])
+@pytest.mark.parametrize("seed", range(3))
+def test_angular_momentum_and_its_rate(name, seed):
+    robot = ROBOTS[name]()
+    q, v = moving(robot, seed)
+    expected = rate(robot, q, v, lambda: robot.angular_momentum_jacobian() @ v)
+    np.testing.assert_allclose(robot.angular_momentum_bias(v), expected, atol=1e-7)
+
+
+def test_angular_momentum_agrees_between_the_libraries_and_with_its_sum():
+    one = every_joint()
+    other = PinocchioRobot.from_mujoco(one.model)
+    q, v = moving(one, 0)
+    other.update(configuration_from_mujoco(one.model, q))
+    body = v.copy()
+    body[:3] = one.pose("base")[0].T @ v[:3]
+    momentum = one.angular_momentum_jacobian() @ v
+    np.testing.assert_allclose(momentum, other.angular_momentum_jacobian() @ body, atol=1e-9)
+    data = mujoco.MjData(one.model)
+    data.qpos[:], data.qvel[:] = q, v
+    mujoco.mj_forward(one.model, data)
+    mujoco.mj_subtreeVel(one.model, data)
+    np.testing.assert_allclose(momentum, data.subtree_angmom[1], atol=1e-9)
+    with pytest.raises(RobotError, match="one tree on a free joint"):
+        MujocoRobot.from_arm(sawyer()).angular_momentum_jacobian()
+
+
 def test_a_velocity_that_does_not_fit_is_refused():
     for robot in (MujocoRobot.from_arm(sawyer()), PinocchioRobot.from_arm(sawyer())):
         for bad in (np.zeros(6), np.full(7, np.nan)):

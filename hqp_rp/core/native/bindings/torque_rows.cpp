@@ -45,13 +45,15 @@ class TorqueRowsObject {
 
   // Fills matrix (M, n), lower and upper (M,) but for the rows of tasks on forces: the equation of motion, torque limits, cones, then the
   // rows on accelerations, given (m, nv) and (m,), each in its place; the first place among the levels is that of the contacts' motion.
-  // Also the map (d, n) of torques and the Jacobian (forces, nv) of the points.
-  void fill(nb::handle matrix, nb::handle lower, nb::handle upper, nb::handle M, nb::handle h, nb::handle cones, nb::handle cone_lower,
+  // Also the map (d, n) and the offset (d,) of torques and the Jacobian (forces, nv) of the points.
+  // False where M or h is not finite.
+  bool fill(nb::handle matrix, nb::handle lower, nb::handle upper, nb::handle M, nb::handle h, nb::handle cones, nb::handle cone_lower,
             nb::handle cone_upper, nb::handle given, nb::handle given_lower, nb::handle given_upper, nb::handle places,
-            Py_ssize_t motion_place, nb::handle map, nb::handle point_jacobian) {
+            Py_ssize_t motion_place, nb::handle map, nb::handle offset, nb::handle point_jacobian) {
     const Py_ssize_t n = rows_.nv + rows_.forces, nv = rows_.nv, total = length_of(matrix.ptr());
     double *A = writable<double>(matrix, 2, "matrix"), *low = writable<double>(lower, 1, "lower"), *up = writable<double>(upper, 1, "upper");
     double *T = writable<double>(map, 2, "map"), *J = writable<double>(point_jacobian, 2, "point_jacobian");
+    double* o = writable<double>(offset, 1, "offset");
     const double *mass = required<double>(M, 2, "M"), *bias = required<double>(h, 1, "h");
     const double *G = required<double>(cones, 2, "cones"), *g_low = required<double>(cone_lower, 1, "cone_lower");
     const double* g_up = required<double>(cone_upper, 1, "cone_upper");
@@ -60,7 +62,7 @@ class TorqueRowsObject {
     const std::int64_t* place = required<std::int64_t>(places, 1, "places");
     const Py_ssize_t p = size("passive"), d = size("driven"), l = size("limited"), g = length_of(cones.ptr()), m = length_of(given.ptr());
     bool fit = length_of(matrix.ptr(), 1) == n && length_of(lower.ptr()) == total && length_of(upper.ptr()) == total &&
-               length_of(M.ptr()) == nv && length_of(M.ptr(), 1) == nv && length_of(h.ptr()) == nv && length_of(map.ptr()) == d &&
+               length_of(M.ptr()) == nv && length_of(M.ptr(), 1) == nv && length_of(h.ptr()) == nv && length_of(map.ptr()) == d && length_of(offset.ptr()) == d &&
                length_of(map.ptr(), 1) == n && length_of(point_jacobian.ptr()) == rows_.forces && length_of(cone_lower.ptr()) == g &&
                length_of(cone_upper.ptr()) == g && (!g || length_of(cones.ptr(), 1) == rows_.forces) && (!m || length_of(given.ptr(), 1) == nv) &&
                length_of(given_lower.ptr()) == m && length_of(given_upper.ptr()) == m && length_of(places.ptr()) == m &&
@@ -74,6 +76,7 @@ class TorqueRowsObject {
     rows_.torque_rows(mass, J, passive_, p, A);
     for (Py_ssize_t i = 0; i < p; ++i) low[i] = up[i] = -bias[passive_[i]];
     rows_.torque_rows(mass, J, driven_, d, T);
+    for (Py_ssize_t i = 0; i < d; ++i) o[i] = bias[driven_[i]];
     rows_.torque_rows(mass, J, limited_, l, A + p * n);
     for (Py_ssize_t i = 0; i < l; ++i) {
       low[p + i] = -limit_[i] - bias[limited_[i]];
@@ -89,6 +92,10 @@ class TorqueRowsObject {
       low[place[i]] = b_low[i];
       up[place[i]] = b_up[i];
     }
+    double finite = 0.0;  // zero times nan or infinity is nan
+    for (Py_ssize_t i = 0; i < nv * nv; ++i) finite += 0.0 * mass[i];
+    for (Py_ssize_t i = 0; i < nv; ++i) finite += 0.0 * bias[i];
+    return finite == 0.0;
   }
 
  private:
@@ -112,8 +119,8 @@ void bind_torque_rows(nb::module_& module) {
       .def(nb::init<nb::dict, int, double>(), nb::arg("arrays"), nb::arg("forces"), nb::arg("unit"))
       .def("fill", &TorqueRowsObject::fill, nb::arg("matrix"), nb::arg("lower"), nb::arg("upper"), nb::arg("M"), nb::arg("h"),
            nb::arg("cones"), nb::arg("cone_lower"), nb::arg("cone_upper"), nb::arg("given"), nb::arg("given_lower"), nb::arg("given_upper"),
-           nb::arg("places"), nb::arg("motion_place"), nb::arg("map"), nb::arg("point_jacobian"),
-           "Fill all rows but those of tasks on forces.");
+           nb::arg("places"), nb::arg("motion_place"), nb::arg("map"), nb::arg("offset"), nb::arg("point_jacobian"),
+           "Fill all rows but those of tasks on forces; false where M or h is not finite.");
 }
 
 }  // namespace hqp::python
