@@ -24,7 +24,9 @@ def regular(scenario, solver, seed=0, **settings):
 
 def worst(steps):
     return max(
-        abs(step.measured[f"deviation {axis}"] - step.measured[f"ideal {axis}"]) for step in steps for axis in ("x", "y", "z")
+        abs(step.measured[f"deviation {axis}"] - step.measured[f"ideal {axis}"])
+        for step in steps
+        for axis in ("x", "y", "z")
     )
 
 
@@ -70,7 +72,11 @@ def test_without_the_wrench_the_arm_keeps_its_own_inertia():
 
 def test_exact_priority_is_passive_and_projected_torques_need_not_be():
     gained = {}
-    for solver, settings in (("null_space", {}), ("operational_space", {}), ("null_space_torque", {"consistency": "static"})):
+    for solver, settings in (
+        ("null_space", {}),
+        ("operational_space", {}),
+        ("null_space_torque", {"consistency": "static"}),
+    ):
         steps = regular(SawyerTorqueImpedance(duration=1.5), solver, **settings)
         gained[solver] = max(step.measured["energy gained [J]"] for step in steps)
         assert all(np.isfinite(step.measured["energy [J]"]) for step in steps)
@@ -100,7 +106,8 @@ def test_another_posture_and_a_noisy_reading():
     scenario = SawyerTorqueImpedance(duration=0.3)
     case = scenario.case_at(PAPER, Place(REGULAR, np.array(scenario.arm().neutral) + 0.2))
     one, same, other = (
-        list(scenario.run_case(case, scenario.contact_arm(case, seed), get_solver("null_space"), seed)) for seed in (1, 1, 2)
+        list(scenario.run_case(case, scenario.contact_arm(case, seed), get_solver("null_space"), seed))
+        for seed in (1, 1, 2)
     )
     assert [s.measured["deviation x"] for s in one] == [s.measured["deviation x"] for s in same]
     assert one[-1].measured["deviation x"] != other[-1].measured["deviation x"]
