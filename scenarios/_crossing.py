@@ -138,9 +138,7 @@ class Crossing(Scenario):
 
     def __post_init__(self) -> None:
         if self.command not in COMMANDS:
-            raise SettingError(
-                f"command of {self.name} is {self.command!r}; it must be one of {', '.join(COMMANDS)}."
-            )
+            raise SettingError(f"command of {self.name} is {self.command!r}; it must be one of {', '.join(COMMANDS)}.")
         if self.metric not in METRICS:
             raise SettingError(f"metric of {self.name} is {self.metric!r}; it must be one of {', '.join(METRICS)}.")
         for name in ("duration", "period", "reach", "torque_limit"):

@@ -208,9 +208,7 @@ class DualArmCarry(Scenario):
             mujoco.mj_step(model, data, self.substeps)
             robot.update(data.qpos)
             run.refer(t + self.period)
-            yield Step(
-                "", t, command.problem, command.solution, command.solve_time, run.measured(command, data)
-            )
+            yield Step("", t, command.problem, command.solution, command.solve_time, run.measured(command, data))
             if command.solution.status is Status.REFUSED:
                 return
 
@@ -227,7 +225,12 @@ class _Run:
         corners = [[x, y, 0.0] for x in (-_PAD, _PAD) for y in (-_PAD, _PAD)]
         self.contacts = [
             Contact(
-                f"{side}_tool", points=corners, on="box", normal=(0.0, sign, 0.0), friction=scenario.friction, max_force=500.0
+                f"{side}_tool",
+                points=corners,
+                on="box",
+                normal=(0.0, sign, 0.0),
+                friction=scenario.friction,
+                max_force=500.0,
             )
             for side, sign in zip(SIDES, (1.0, -1.0), strict=True)
         ]
@@ -262,7 +265,8 @@ class _Run:
         scale = _END / self.scenario.duration
         shifting, lifting = (_rates(s, ends, scale) for ends in ((shift, shifted), (lift, up)))
         self.box.feedforward, self.box.feedforward_acceleration = (
-            np.array([-0.05 * a, 0.08 * a, 0.15 * b, 0.0, 0.0, 0.25 * a]) for a, b in zip(shifting, lifting, strict=True)
+            np.array([-0.05 * a, 0.08 * a, 0.15 * b, 0.0, 0.0, 0.25 * a])
+            for a, b in zip(shifting, lifting, strict=True)
         )
 
     def push(self, t: float) -> float:

@@ -45,7 +45,7 @@ class AccelerationStack(Stack):
     rows are `J v-dot = kd (rate - J v) - Jdot v`, with the attribute `kd` of the class of one's own, or the stack's. Where its
     rate is g times its error (in mink and pink g = gain / dt), kd = 4 g is critically damped and a smaller one swings. Its
     Jdot v is what its method `bias_acceleration(robot, v)` (m,) says, where it has one and that is not None; else it is the
-    central difference of J v along v, right to about 1e-8 of |J| |v|^2, for which the robot is moved there and back.
+    central difference of J v along v, right to about 1e-10 of |J| |v|^2, for which the robot is moved there and back.
 
     Args:
         levels, limits, names, damping, metric: as of `Stack`; `lm_damping` of tasks of mink and pink is not taken
@@ -55,7 +55,8 @@ class AccelerationStack(Stack):
     Raises:
         SettingError: as `Stack`; a kd that is not > 0.
 
-    Source: Siciliano and Slotine 1991, and Nakamura 1991 for priority at the acceleration level.
+    Source: Sadeghian, Villani, Keshmiri and Siciliano 2013 for priorities among accelerations; bounds on what follows a step
+    are those of the velocity level, see `JointLimit`, and Del Prete 2018.
     """
 
     __slots__ = ("_kd",)

@@ -18,7 +18,7 @@ class Task(Protocol):
     """What a robot should do at its current configuration: rows `J v = rate` on its velocity v (nv,).
 
     Anything with a `name` and an `evaluate` is a task. A task that also has `frames`, the names of the frames it uses,
-    has them checked when a stack first meets a robot.
+    has them checked when a stack first meets a robot. An `AccelerationStack` also takes its `kd` and `bias_acceleration`.
     """
 
     @property

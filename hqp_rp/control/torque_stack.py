@@ -225,14 +225,22 @@ class TorqueStack:
             self._meet(robot)
         velocity = np.ascontiguousarray(v, dtype=np.float64)
         contacts = self._contact_rows
-        if contacts.read(velocity) or motion.given_offsets is not self._motion_offsets or motion.hard_rows != self._hard_rows:
+        if (
+            contacts.read(velocity)
+            or motion.given_offsets is not self._motion_offsets
+            or motion.hard_rows != self._hard_rows
+        ):
             self._lay_out(motion)
         M, h = robot.mass_matrix(), robot.bias(velocity)
         if applied is not None:
             h = h - finite_vector(applied, robot.nv, "applied", "N m or N")
         n, driven, total = robot.nv + contacts.forces, self._driven, self._total
         matrix, lower, upper = _empty((total, n)), _empty(total), _empty(total)
-        torque_map, offset, jacobian = _empty((len(driven), n)), _empty(len(driven)), _empty((contacts.forces, robot.nv))
+        torque_map, offset, jacobian = (
+            _empty((len(driven), n)),
+            _empty(len(driven)),
+            _empty((contacts.forces, robot.nv)),
+        )
         sound = self._native.fill(
             matrix,
             lower,

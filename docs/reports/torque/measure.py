@@ -179,7 +179,14 @@ def main() -> None:
     stance = robot.neutral.copy()
     stance[3:7] = [*robot.neutral[4:7], robot.neutral[3]]  # Pinocchio's quaternion ends in w
     urdf = without_fingers(Path(_urdf()))
-    asked = {"urdf": str(urdf), "q": stance.tolist(), "points": corners, "friction": 0.7, "dt": DT, "effort": run.limit.tolist()}
+    asked = {
+        "urdf": str(urdf),
+        "q": stance.tolist(),
+        "points": corners,
+        "friction": 0.7,
+        "dt": DT,
+        "effort": run.limit.tolist(),
+    }
     remote = Remote(sys.argv[1], asked)
     urdf.unlink()
     ours = Ours(robot, run.stack, "hierarchical_active_set", run.refer)
@@ -225,7 +232,8 @@ def write(found: dict[tuple[str, str], dict[str, list[float]]], tsid: dict[str, 
             f"{int(sum(kept['failed']))} of {len(times)} | {proof} |"
         )
     ratios = {
-        phase: float(np.median(found[TSID, phase]["times"]) / np.median(found[OURS, phase]["times"])) for phase in PHASES
+        phase: float(np.median(found[TSID, phase]["times"]) / np.median(found[OURS, phase]["times"]))
+        for phase in PHASES
     }
     figure, axes = plt.subplots(1, len(PHASES), figsize=(9.0, 3.4), layout="constrained")
     for ax, phase in zip(axes, PHASES, strict=True):
