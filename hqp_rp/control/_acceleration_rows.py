@@ -75,7 +75,7 @@ class AccelerationRows(StackRows):
                 self._pack_second(i, task)
                 self._seconds[i] = packed
         if not self._native_motion:
-            self._frames.motion(self._velocity, np.empty_like(self._biases), self._biases)
+            self._frames.fill_biases(self._velocity, self._biases)
         return self._native.fill_acceleration(
             matrix, lower, upper, dt, self._velocity, self._number_rates, self._gains, self._biases
         )
