@@ -13,8 +13,8 @@ import numpy as np
 from hqp_rp.control._rotations import rotation_log
 from hqp_rp.control.interaction_controller import InteractionController
 from hqp_rp.control.limit import VelocityLimit
-from hqp_rp.control.singularities import SingularConfiguration, search_singularities
 from hqp_rp.control.reference import Reference
+from hqp_rp.control.singularities import SingularConfiguration, search_singularities
 from hqp_rp.control.stack import Stack
 from hqp_rp.control.task import Task
 from hqp_rp.control.torque_controller import TorqueController

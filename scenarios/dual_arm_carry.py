@@ -44,7 +44,8 @@ _PAD = 0.035
 """m, half the side of the square pad at each tool."""
 _END = 4.0
 _PHASES = (0.0, 0.4, 0.6, 1.5, 1.6, 2.5, 2.6, 3.0, 3.2, 3.3)
-"""s of 4: squeeze begins, is there; lift begins, is up; turn and shift begin, end; more squeeze begins, is there; push, its end."""
+"""s of 4: squeeze begins, is there; lift begins, is up; turn and shift begin, end; more squeeze begins, is there; push begins,
+ends."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -59,15 +60,16 @@ class DualArmCarry(Scenario):
         3  squeeze     the normal force of each hand: internal, as far as the box's motion leaves it free
         4  posture     the arms stay as they start; forces even
 
-    Hard: the equation of motion of the box, torques, friction and unilaterality at eight points, joint positions, velocities and
-    accelerations in one box.
+    Hard: the equation of motion of the box, torques, friction and unilaterality at eight points, joint positions,
+    velocities and accelerations in one box.
 
     `Step.measured`, of the period that follows the problem:
 
         "box position error [m]", "box orientation error [rad]": norms;
         "squeeze error [N]": of the forces of both hands in the answer, the larger;
         "squeeze measured [N]": mean normal force of the hands in the simulation;
-        "slip [m]": how far a hand is from where it took hold of the box, the larger; "friction used": largest |f_xy| / (mu f_z);
+        "slip [m]": how far a hand is from where it took hold of the box, the larger; "friction used": largest |f_xy|
+        / (mu f_z);
         "largest torque [N m]", "torque violation [N m]": of what was sent; "holding": 1 where no answer could be used.
 
     Args:

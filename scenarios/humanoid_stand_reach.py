@@ -77,8 +77,8 @@ class HumanoidStandReach(Scenario):
     Args:
         duration: s. period: s between two solves. substeps: simulation steps in one.
         friction: of floor and controller alike, > 0. reach: m. push: N, forwards at the pelvis for 0.1 s.
-        acceleration: rad/s^2, of the joint box. hand_damping: c >= 0 of `ErrorDamping(c)` of the hand's level, 0 for none: a target
-            out of reach is one that a strict level throws the robot over for.
+        acceleration: rad/s^2, of the joint box. hand_damping: c >= 0 of `ErrorDamping(c)` of the hand's level, 0 for
+            none: a target out of reach is one that a strict level throws the robot over for.
 
     Seeds other than 0 turn the push by a random angle and vary reach and push by a tenth.
 
@@ -92,8 +92,8 @@ class HumanoidStandReach(Scenario):
         "balance and its limits, and in what time?"
     )
     cannot_tell: ClassVar[tuple[str, ...]] = (
-        "The controller knows masses, inertias, friction and the state exactly, without delay or noise, and torques are what is "
-        "commanded.",
+        "The controller knows masses, inertias, friction and the state exactly, without delay or noise, and "
+        "torques are what is commanded.",
         "The soles are boxes and MuJoCo's contact is a stiff spring, not rigid; slip below a millimetre is its creep.",
         "One motion with one set of gains. Each solver is judged on the motion that it leads to.",
         "Solvers that take no hard rows refuse, and are not in the tables.",

@@ -21,7 +21,8 @@ from hqp_rp.scenarios.scenario import Step
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SawyerTorqueImpedance(SawyerPushResponse):
-    """`sawyer_push_response` with the torque loop: (47) before integration, as accelerations of two levels, by inverse dynamics.
+    """`sawyer_push_response` with the torque loop: (47) before integration, as accelerations of two levels, by
+    inverse dynamics.
 
     A wrench pushes the tool for half of the time and lets go; the ideal is the law itself, as there. Also measured:
 

@@ -69,7 +69,10 @@ class DampedLeastSquares(ClosedForm):
         if self.root is not None and len(self.root) != problem.n:
             return f"weight is for {len(self.root)} unknowns and the problem has {problem.n}."
         if self.root is not None and problem.metric is not None:
-            return "damped_least_squares has a weight and the problem a metric, which are the same thing; give one or the other."
+            return (
+                "damped_least_squares has a weight and the problem a metric, which are the same thing; give one or the "
+                "other."
+            )
         return super().refuses(problem)
 
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:

@@ -24,8 +24,8 @@ class NullSpaceTorque(Solver):
     """tau = sum_k N_k tau_k, tau_k = J_k^T Lambda_k b_k, and x = M^-1 tau, with M the problem's metric.
 
     The unknown is v-dot and level k reads J_k v-dot = b_k, as `AccelerationStack(metric="inertia")` states it;
-    Lambda_k = (J_k M^-1 J_k^T)^-1 is the task's own inertia, so that each task alone would have its acceleration. N_k keeps lower
-    torques out of higher tasks, with J^W+ = W^-1 J^T (J W^-1 J^T)^-1::
+    Lambda_k = (J_k M^-1 J_k^T)^-1 is the task's own inertia, so that each task alone would have its acceleration.
+    N_k keeps lower torques out of higher tasks, with J^W+ = W^-1 J^T (J W^-1 J^T)^-1::
 
         N(J) = I - J^T (J^W+)^T
         projection="augmented"    N_k = N([J_1; ...; J_{k-1}])
@@ -34,9 +34,11 @@ class NullSpaceTorque(Solver):
         consistency="static"      W = I: at rest lower torques put no force on it, but they accelerate it
         consistency="stiffness"   W = `stiffness`: so for a displacement of springs in the joints
 
-    What holds, in exact arithmetic: dynamic consistency keeps level 1 exact, with the augmented projection every level also from
+    What holds, in exact arithmetic: dynamic consistency keeps level 1 exact, with the augmented projection every
+    level also from
     those below it; the successive projection lets levels from the second on disturb one another, since N(J_1) N(J_2) is no
-    projector unless the tasks are orthogonal. No variant is lexicographic: Lambda_k b_k is not corrected for what the projection
+    projector unless the tasks are orthogonal. No variant is lexicographic: Lambda_k b_k is not corrected for what
+    the projection
     takes away, nor for what higher levels do to task k. `operational_space` does both. A problem without a metric has M = I.
 
     Args:

@@ -112,8 +112,8 @@ class SaturationNullSpace(Solver):
                 )
             if problem.metric is not None and problem.hard.m and np.count_nonzero(problem.metric) > problem.n:
                 return (
-                    "saturation_null_space takes a metric beside hard rows where it is diagonal, so that a box stays a box; use a "
-                    "solver that takes general rows, such as hierarchical_active_set."
+                    "saturation_null_space takes a metric beside hard rows where it is diagonal, so that a box stays a "
+                    "box; use a solver that takes general rows, such as hierarchical_active_set."
                 )
         return super().refuses(problem)
 

@@ -25,7 +25,8 @@ class ContactRows:
         forces: F, how many unknown forces there are. rows: R, how many motion rows.
         spans: the forces of each contact, as slices of F; motion_spans: its motion rows, as slices of R.
         arrays: what `_native.TorqueRows` takes of them; they stay where they are.
-        cones (C, F), cone_lower, cone_upper (C,): friction and unilateral contact, N. degrees: (R,) activation of each motion row.
+        cones (C, F), cone_lower, cone_upper (C,): friction and unilateral contact, N. degrees: (R,) activation of
+        each motion row.
     """
 
     def __init__(self, robot: Robot, contacts: Sequence[Contact]) -> None:

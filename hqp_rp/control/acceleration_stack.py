@@ -104,8 +104,8 @@ class AccelerationStack(Stack):
 
     def _too_quick(self, item: Any, dt: float) -> str | None:
         """Of v + dt v-dot, q + dt v: e changes its sign at each step where kd dt > 1, and grows where kp dt^2 + 2 kd dt > 4."""
-        kp, kd = item._feedback() if isinstance(item, FeedbackTask) else (0.0, getattr(item, "kd", None))
-        kd = self._kd if kd is None else kd
+        kp, stated = item._feedback() if isinstance(item, FeedbackTask) else (0.0, getattr(item, "kd", None))
+        kd = np.asarray(self._kd if stated is None else stated, dtype=np.float64)
         if isinstance(item, Limit) or (np.max(kd) * dt <= 1.0 + 1e-9 and np.max(kp * dt**2 + 2.0 * kd * dt) <= 4.0):
             return None
         return (

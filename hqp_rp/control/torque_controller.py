@@ -1,4 +1,4 @@
-"""The control loop around a torque stack: a torque within its limits at every step, gravity compensation when no answer comes."""
+"""The control loop around a torque stack: a torque within its limits at every step, against gravity where no answer comes."""
 
 from __future__ import annotations
 
@@ -53,11 +53,13 @@ class TorqueController:
         send(command.torque)
 
     While a contact's activation is between 0 and 1, the answers with and without its motion rows are blended
-    (`hqp_rp.control.blend`), so that contacts come and go without a jump. **When the solver does not answer** (no x, one that is
+    (`hqp_rp.control.blend`), so that contacts come and go without a jump. **When the solver does not answer** (no x,
+    one that is
     not finite, a status other than SOLVED or, with `accept_inaccurate`, INACCURATE; a solver that raises; rows or a measured v
     that are not finite) the torque compensates gravity and brakes::
 
-        tau = S (g - J_c^T f - braking diag(M) v)      f: least squares of what carries the velocities that are not driven, f_z >= 0
+        tau = S (g - J_c^T f - braking diag(M) v)      f: least squares of what carries the velocities that are not
+        driven, f_z >= 0
 
     cut to the limits, until the solver answers again. What fails before the first good answer, but for a solver's status, is
     raised.

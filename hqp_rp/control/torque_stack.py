@@ -95,15 +95,16 @@ class TorqueStack:
     acceleration that the torques can deliver, or list it as the first level.
 
     Args:
-        levels: one entry for each level, most important first: a task, or a sequence of tasks whose rows are stacked. Everything
-            that `AccelerationStack` takes, and `ContactForceTask` and `TorqueTask`.
+        levels: one entry for each level, most important first: a task, or a sequence of tasks whose rows are
+            stacked. Everything that `AccelerationStack` takes, and `ContactForceTask` and `TorqueTask`.
         limits: hard, as in `AccelerationStack`.
         contacts: every `Contact` that there may be; one that is open has `activation` 0.
         torque: N m or N, > 0: one number, (nv,) numbers or a mapping by joint name or pattern; None takes the robot's own
             `effort_limit`. Infinite for none.
         driven: names or patterns of the driven joints; None means all but free joints and what the robot lists as
             `unactuated`.
-        names, damping: one for each of `levels`, as in `AccelerationStack`. A damped level is damped in x: forces in force_unit.
+        names, damping: one for each of `levels`, as in `AccelerationStack`. A damped level is damped in x: forces in
+            force_unit.
         metric: as in `Stack`, of v-dot; forces in force_unit keep the plain norm.
         force_unit: N, > 0: what counts as much as 1 rad/s^2 in the least norm of x, and in damping. Levels that determine x,
             such as a posture and evenly shared forces, leave it nothing to decide.
@@ -163,7 +164,7 @@ class TorqueStack:
                 "for all."
             )
         self._motion = AccelerationStack(motion, limits, damping=[policies[k] for k in self._motion_levels])
-        for k, level in enumerate(self._levels):
+        for k in range(len(self._levels)):
             if policies[k] is not None and k not in self._motion_levels:
                 raise SettingError(f"level {k + 1} holds forces alone, which need no damping; give None for it.")
         self._damping = tuple(policies)

@@ -1,16 +1,18 @@
-"""A metric on the unknown: weighted norms, weighted pseudo-inverses, and what is dynamically consistent, as one change of variables.
+"""A metric on the unknown: weighted norms, weighted pseudo-inverses, and what is dynamically consistent, as one
+change of variables.
 
 With W = R^T R, R upper triangular, the problem with metric W is the plain problem of y = R x:
 
     lex min_y ( ||v_1||, ..., ||v_p||, ||y|| )    levels A_k R^-1, hard rows A R^-1, ||y||^2 = x^T W x = ||x||_W^2
 
 So everything that a solver says of a norm is said of ||x||_W: the answer of least norm, the nearest to the secondary vector,
-damping (eta ||x||_W in the place of eta ||x||), and the rank rule, on the singular values of A_k R^-1. Every pseudo-inverse of a
-closed form becomes the weighted one,
+damping (eta ||x||_W in the place of eta ||x||), and the rank rule, on the singular values of A_k R^-1. Every
+pseudo-inverse of a closed form becomes the weighted one,
 
     A^#W = R^-1 (A R^-1)^# = W^-1 A^T (A W^-1 A^T)^-1    (the last for a regular A)
 
-which for the joint-space inertia W = M(q) is the dynamically consistent one. Multiplying W by a number changes no undamped answer.
+which for the joint-space inertia W = M(q) is the dynamically consistent one. Multiplying W by a number changes no
+undamped answer.
 
 Source: Whitney 1969 for the weighted least norm; the paper, (6)-(7), for its weight matrix; Khatib 1987 for W = M.
 """

@@ -203,7 +203,8 @@ class Unit:
 
 
 def metric_rows(metric: FloatArray | None, n: int, bits: int = 256) -> list[list[int]]:
-    """Integer rows whose norm is a multiple of ||.||_W: the identity for None, else R of W = R^T R, upper triangular, right to `bits` bits.
+    """Integer rows whose norm is a multiple of ||.||_W: the identity for None, else R of W = R^T R, upper
+    triangular, right to `bits` bits.
 
     W itself is taken to the last bit; its root is irrational.
     """

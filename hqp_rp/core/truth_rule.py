@@ -41,7 +41,8 @@ def solve_by_rule(
     """Solve `A_k x = b_k`, k = 1 ... p, where singular values of A_k Z <= tolerance * ||A_k||_2 are cut.
 
     Works with 192 + 2 (p + 1) log2(1 / tolerance) bits: each level can lose twice the digits of 1 / tolerance, and 192
-    bits remain for the answer, relative to ||x||. With a metric W = R^T R (n, n) it is solved in y = R x, and A_k there is A_k R^-1.
+    bits remain for the answer, relative to ||x||. With a metric W = R^T R (n, n) it is solved in y = R x, and A_k
+    there is A_k R^-1.
     """
     bits = 192 + 2 * (len(levels) + 1) * math.ceil(max(1.0, -math.log2(tolerance)))
     n = len(secondary)

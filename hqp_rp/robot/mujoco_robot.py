@@ -415,7 +415,7 @@ class MujocoRobot(MujocoSurroundings):
         return matrix
 
     def angular_momentum_bias(self, v: FloatArray) -> FloatArray:
-        """(3,) N m: the rate of the angular momentum about the centre of mass at v (nv,) and v-dot = 0; errors as its Jacobian."""
+        """(3,) N m: the rate of that angular momentum at v (nv,) and v-dot = 0; errors as of its Jacobian."""
         body = self._free_body()
         wrench = (self.bias(v) - self.gravity())[:6]
         rotation, origin = self._body_pose[0][body], self._body_pose[1][body]

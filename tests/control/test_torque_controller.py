@@ -8,8 +8,10 @@ import hqp_rp
 from hqp_rp.control import Contact, Mode, PostureTask, TorqueController, TorqueStack
 from hqp_rp.core.errors import HqpError, SettingError
 from hqp_rp.robot import MujocoRobot, sawyer
-from hqp_rp.robot.named import named_robot
+from hqp_rp.robot.named import ASSETS, named_robot
 from tests.control.test_torque_stack import standing
+
+ASSET = ASSETS / "humanoid.xml"
 
 
 class Failing(hqp_rp.Solver):
@@ -31,7 +33,7 @@ class Failing(hqp_rp.Solver):
 
 @pytest.mark.parametrize("how", ["raise", "nan", "none"])
 def test_a_failed_solve_holds_with_gravity_compensation(how):
-    robot, contacts, stack = standing()
+    robot, _, stack = standing()
     robot.update(robot.neutral)
     solver = Failing()
     controller = TorqueController(stack, solver)
@@ -103,13 +105,8 @@ def run(robot, stack, controller, seconds, push=lambda t: None, before=lambda t:
     return commands, poses, data
 
 
-from hqp_rp.robot.named import ASSETS  # noqa: E402
-
-ASSET = ASSETS / "humanoid.xml"
-
-
 def test_a_humanoid_stands_and_is_pushed():
-    robot, contacts, stack = standing()
+    robot, _, stack = standing()
     controller = TorqueController(stack, "hierarchical_active_set")
     shove = lambda t: (60.0, 0.0, 0.0) if 0.2 <= t < 0.3 else None  # noqa: E731
     commands, poses, data = run(robot, stack, controller, 1.0, shove)
@@ -140,7 +137,7 @@ def test_contacts_come_and_go_without_a_jump():
 
 def test_an_impact_yields_neither_nan_nor_excess():
     """Dropped from 0.3 m with large velocities, at every solver that takes hard rows."""
-    robot, contacts, stack = standing()
+    robot, _, stack = standing()
     rng = np.random.default_rng(0)
     for name in ("hierarchical_active_set", "qp_cascade", "daqp"):
         controller = TorqueController(stack, name)

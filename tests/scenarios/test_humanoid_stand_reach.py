@@ -55,10 +55,8 @@ def test_a_foot_is_lifted_and_set_down(run):
 
 def test_seeds_turn_the_push():
     scenario = HumanoidStandReach(duration=1.0, period=0.01, substeps=10)
-    ends = [
-        list(scenario.steps(get_solver("hierarchical_active_set"), seed))[-1].measured["hand error [m]"]
-        for seed in (0, 1, 1, 2)
-    ]
+    solver, name = get_solver("hierarchical_active_set"), "hand error [m]"
+    ends = [list(scenario.steps(solver, seed))[-1].measured[name] for seed in (0, 1, 1, 2)]
     assert ends[1] == ends[2]
     assert len(set(ends)) == 3
 

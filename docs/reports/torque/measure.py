@@ -3,8 +3,9 @@
     python3.14 -m venv TSID; TSID/bin/pip install tsid==1.10.0 pin==4.0.0
     python docs/reports/torque/measure.py TSID/bin/python
 
-(The wheels of libtsid, a C++ library, are tagged for Python 3.14; they serve another version when they are unpacked by hand. With
-Pinocchio 4.1 they crash.) Both sides take turns in one run, each in its own process, on JVRC-1 without fingers, along a recorded motion. A step is
+(The wheels of libtsid, a C++ library, are tagged for Python 3.14; they serve another version when they are unpacked
+by hand. With Pinocchio 4.1 they crash.) Both sides take turns in one run, each in its own process, on JVRC-1 without fingers,
+along a recorded motion. A step is
 everything from q and v to joint torques: kinematics, dynamics, rows, solve.
 """
 
@@ -161,7 +162,7 @@ def arm(limits: bool) -> Ours:
     levels = [hand, OrientationTask("tool", R), PostureTask(robot.neutral)]
 
     def refer(t: float) -> None:
-        hand.target = p + [0.05 * np.sin(t), 0.0, 0.0]
+        hand.target = p + np.array([0.05 * np.sin(t), 0.0, 0.0])
 
     if limits:
         stack = TorqueStack(levels, [JointLimit(acceleration=100.0)], torque=80.0)
@@ -179,15 +180,8 @@ def main() -> None:
     stance = robot.neutral.copy()
     stance[3:7] = [*robot.neutral[4:7], robot.neutral[3]]  # Pinocchio's quaternion ends in w
     urdf = without_fingers(Path(_urdf()))
-    asked = {
-        "urdf": str(urdf),
-        "q": stance.tolist(),
-        "points": corners,
-        "friction": 0.7,
-        "dt": DT,
-        "effort": run.limit.tolist(),
-    }
-    remote = Remote(sys.argv[1], asked)
+    asked = {"urdf": str(urdf), "q": stance.tolist(), "points": corners, "friction": 0.7, "dt": DT}
+    remote = Remote(sys.argv[1], asked | {"effort": run.limit.tolist()})
     urdf.unlink()
     ours = Ours(robot, run.stack, "hierarchical_active_set", run.refer)
     arms = {"Sawyer, three levels, closed form": arm(False), "Sawyer, three levels, limits hard": arm(True)}
@@ -254,19 +248,22 @@ How long does a step from q and v to joint torques take on a humanoid with conta
 
 ![Distribution of the time of a whole step](figure.png)
 
-*JVRC-1 without fingers: 38 velocities, 8 contact points, 62 unknowns, along a recorded motion. A median step of tsid over one of
+*JVRC-1 without fingers: 38 velocities, 8 contact points, 62 unknowns, along a recorded motion. A median step of tsid
+over one of
 ours: {told}.*
 
 {chr(10).join(lines)}
 
-- hqp_rp {hqp_rp.__version__}: the stack of the scenario `humanoid_stand_reach`, six strict levels (contacts, balance, swing foot,
+- hqp_rp {hqp_rp.__version__}: the stack of the scenario `humanoid_stand_reach`, six strict levels (contacts,
+  balance, swing foot,
   hand, torso, posture with even forces), no damping; 116 hard rows: equation of motion of the base, torques, friction pyramids,
   unilaterality, joint positions, velocities and accelerations. Robot by MuJoCo {version("mujoco")}, solver
   `hierarchical_active_set` with its warm start, from Python.
-- tsid 1.10.0 (its own environment, Pinocchio {tsid["pinocchio"]}): two levels; hard are dynamics, contacts, torque bounds, friction
+- tsid 1.10.0 (its own environment, Pinocchio {tsid["pinocchio"]}): two levels; hard are dynamics, contacts, torque
+  bounds, friction
   and joint velocities; balance, hand, torso, posture and forces are weighed 1, 0.1, 0.01, 0.001 and 1e-5 on the second;
-  {tsid["variables"]} unknowns, {tsid["rows"]} rows; eiquadprog-fast, from Python. It has no position and acceleration bounds here
-  and no swing foot.
+  {tsid["variables"]} unknowns, {tsid["rows"]} rows; eiquadprog-fast, from Python. It has no position and
+  acceleration bounds here and no swing foot.
 - Both get the same states, those of `humanoid_stand_reach` with a reach of 0.5 m, 4 ms apart, in turns of {STEPS} steps,
   {ROUNDS} rounds. The arm moves along a sine.
 - "No answer" counts steps that ended without one that may be used; "certified" are ours, every twentieth, by `hqp_rp.certify`.
