@@ -383,7 +383,7 @@ class PinocchioRobot(ModelRobot):
         """As `MujocoRobot.bias_acceleration`."""
         found: FloatArray = np.empty((1, 6))
         self.fill_bias_accelerations(((0, frame),), v, found)
-        return found[0]
+        return found.ravel()
 
     def fill_bias_accelerations(self, frames: Iterable[tuple[int, str]], v: FloatArray, out: FloatArray) -> None:
         """`bias_acceleration` of several frames in these rows of out (F, 6): the tree is gone through once."""
