@@ -75,7 +75,7 @@ class AccelerationRows(StackRows):
                 self._pack_second(i, task)
                 self._seconds[i] = packed
         if not self._native_motion:
-            self._frames.motion(self._velocity, np.empty_like(self._biases), self._biases)
+            self._frames.fill_biases(self._velocity, self._biases)
         return self._native.fill_acceleration(
             matrix, lower, upper, dt, self._velocity, self._number_rates, self._gains, self._biases
         )
@@ -114,13 +114,7 @@ class AccelerationRows(StackRows):
                 along = A @ velocity
                 made.append((k, A, (lower - along) / dt, (upper - along) / dt))
                 continue
-            own = getattr(item, "bias_acceleration", None)
-            bias = None if own is None else np.asarray(own(self.robot, velocity), dtype=np.float64)
-            if bias is not None and bias.shape != lower.shape:
-                raise ProblemError(
-                    f"{self._where(item)}: bias_acceleration gives {bias.shape}; it must have one number for each of the "
-                    f"{len(lower)} rows."
-                )
+            bias = self._stated_bias(item, len(lower))
             rate = self._wanted(item, A @ velocity, lower)
             if bias is None:
                 unstated.append(len(made))
@@ -139,18 +133,38 @@ class AccelerationRows(StackRows):
                 made[i] = k, A, rate - bias, rate - bias
         return made
 
+    def _stated_bias(self, item: Any, rows: int) -> FloatArray | None:
+        """Jdot v (m,) as the item's own method says it; None where it has none, or does not know."""
+        own = getattr(item, "bias_acceleration", None)
+        stated = None if own is None else own(self.robot, self._velocity)
+        if stated is None:
+            return None
+        bias = np.asarray(stated, dtype=np.float64)
+        if bias.shape != (rows,):
+            raise ProblemError(
+                f"{self._where(item)}: bias_acceleration gives {bias.shape}; it must have one number for each of the "
+                f"{rows} rows."
+            )
+        return bias
+
     def _wanted(self, item: Any, along: FloatArray, rate: FloatArray) -> FloatArray:
         """d/dt(J v) of a task that is not native: `rate` is what it wants of J v."""
         if isinstance(item, FeedbackTask):
             kp, kd = item._second_order(len(rate))
-            weight = np.broadcast_to(np.asarray(item.weight, dtype=np.float64), rate.shape)
+            weight: FloatArray = np.broadcast_to(np.asarray(item.weight, dtype=np.float64), rate.shape)
             error = item.error(self.robot)
             forward = rate / weight - item.gain * error
             ahead = np.zeros(len(rate)) if item.feedforward_acceleration is None else item._ahead(len(rate))
             wanted: FloatArray = weight * (ahead + kd * (forward - along / weight) + kp * error)
             return wanted
-        own = float(getattr(item, "kd", None) or self._kd)
-        return own * (rate - along)
+        own = getattr(item, "kd", None)
+        damping: FloatArray = np.asarray(self._kd if own is None else own, dtype=np.float64)
+        if damping.shape not in ((), rate.shape) or not (np.isfinite(damping) & (damping >= 0.0)).all():
+            raise ProblemError(
+                f"{self._where(item)}: kd is {own!r}; it must be finite and >= 0, one number or one for each of the "
+                f"{len(rate)} rows."
+            )
+        return damping * (rate - along)
 
     def _by_difference(self, numbers: list[int], dt: float | None) -> list[FloatArray]:
         """Jdot v of these items by a central difference of J v along v; the robot is put back."""

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._acceleration_rows import AccelerationRows
 from hqp_rp.control._checks import positive_number
 from hqp_rp.control._stack_metric import StackMetric
 from hqp_rp.control._stack_rows import StackRows
+from hqp_rp.control.limit import Limit
 from hqp_rp.control.stack import Item, Stack
+from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
@@ -38,10 +41,11 @@ class AccelerationStack(Stack):
     Gains are those of the tasks: `kp`, `kd`, by default gain^2 and 2 gain. Any solver takes the problem: the recursions of
     reverse priority and of null-space priority are the same at this level, and so is saturation in the null space.
 
-    Jdot v is exact for the library's own tasks. A task of mink or pink, and a class of one's own, states a velocity alone:
-    its rows are `J v-dot = kd (rate - J v) - Jdot v`, with its attribute `kd`, or the stack's. Its Jdot v is what its method
-    `bias_acceleration(robot, v)` (m,) says, where it has one; else it is the central difference of J v along v, right to about
-    1e-8 of |J| |v|^2, for which the robot is moved there and back. The same is done for the centre of mass of parts.
+    Jdot v is exact for the library's own tasks. A task of mink or pink, and a class of one's own, states a velocity alone: its
+    rows are `J v-dot = kd (rate - J v) - Jdot v`, with the attribute `kd` of the class of one's own, or the stack's. Where its
+    rate is g times its error (in mink and pink g = gain / dt), kd = 4 g is critically damped and a smaller one swings. Its
+    Jdot v is what its method `bias_acceleration(robot, v)` (m,) says, where it has one and that is not None; else it is the
+    central difference of J v along v, right to about 1e-10 of |J| |v|^2, for which the robot is moved there and back.
 
     Args:
         levels, limits, names, damping, metric: as of `Stack`; `lm_damping` of tasks of mink and pink is not taken
@@ -51,7 +55,8 @@ class AccelerationStack(Stack):
     Raises:
         SettingError: as `Stack`; a kd that is not > 0.
 
-    Source: Siciliano and Slotine 1991, and Nakamura 1991 for priority at the acceleration level.
+    Source: Sadeghian, Villani, Keshmiri and Siciliano 2013 for priorities among accelerations; bounds on what follows a step
+    are those of the velocity level, see `JointLimit`, and Del Prete 2018.
     """
 
     __slots__ = ("_kd",)
@@ -81,6 +86,9 @@ class AccelerationStack(Stack):
             a: (nv,) acceleration before this step, rad/s^2 or m/s^2. Needed by limits on jerks only.
 
         Raises as `Stack.problem`; `SettingError` where v is missing, `RobotError` for a robot that does not tell Jdot v.
+
+        Warns:
+            UserWarning: a dt of more than 1 s, or kd dt > 1.
         """
         if v is None:
             raise SettingError("accelerations need the velocity: problem(robot, dt, v); zeros for a robot at rest.")
@@ -92,6 +100,17 @@ class AccelerationStack(Stack):
         """Not for accelerations. Raises `SettingError`."""
         raise SettingError(
             f"{self!r} makes no batches: its rows depend on the velocity; call problem() for each q and v."
+        )
+
+    def _too_quick(self, item: Any, dt: float) -> str | None:
+        """Of v + dt v-dot, q + dt v: e changes its sign at each step where kd dt > 1, and grows where kp dt^2 + 2 kd dt > 4."""
+        kp, stated = item._feedback() if isinstance(item, FeedbackTask) else (0.0, getattr(item, "kd", None))
+        kd = np.asarray(self._kd if stated is None else stated, dtype=np.float64)
+        if isinstance(item, Limit) or (np.max(kd) * dt <= 1.0 + 1e-9 and np.max(kp * dt**2 + 2.0 * kd * dt) <= 4.0):
+            return None
+        return (
+            f"kp {np.max(kp):g} 1/s^2 and kd {np.max(kd):g} 1/s at dt {dt:g} s: each step goes past what it aims at. Take a "
+            f"kd of at most 1/dt = {1.0 / dt:g}, a gain of at most {0.5 / dt:g}, and a kp of at most kd^2."
         )
 
     def _with_theirs(

@@ -90,6 +90,15 @@ class CenterOfMassTask(FeedbackTask):
     def _evaluated(self, robot: Robot, *, plain: bool) -> tuple[FloatArray, FloatArray]:
         return super()._evaluated(robot, plain=plain) if self._bodies is None else self._of_parts(robot, plain=plain)
 
+    def bias_acceleration(self, robot: Robot, v: FloatArray) -> FloatArray | None:
+        """(m,) Jdot v of parts at the velocity v (nv,), scaled by the weight; None where the robot does not tell it."""
+        ask = getattr(robot, "part_center_of_mass_bias_acceleration", None)
+        # A subclass with rows of its own has another Jdot v.
+        if ask is None or self._bodies is None or type(self).evaluate is not CenterOfMassTask.evaluate:
+            return None
+        weighted: FloatArray = self._weight * ask(self._bodies, v)[axis_numbers(self._axes)]
+        return weighted
+
     def _of_parts(self, robot: Robot, *, plain: bool) -> tuple[FloatArray, FloatArray]:
         """Jacobian and rate, or without weights and the error."""
         center, J = center_of_mass(robot, self._bodies, self._name)

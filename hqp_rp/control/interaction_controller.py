@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control._stack_rows import LIMIT, StackRows
+from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.command import Command, Mode, fault_of
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.reference import Reference
@@ -92,8 +93,8 @@ class InteractionController:
         accept_inaccurate: bool = True,
         scale_into: Sequence[Limit] = (),
     ) -> None:
-        if not isinstance(stack, Stack):
-            raise SettingError(f"stack is a {type(stack).__name__}; give a Stack.")
+        if not isinstance(stack, Stack) or isinstance(stack, AccelerationStack):
+            raise SettingError(f"stack is a {type(stack).__name__}; give a Stack: what is sent are velocities.")
         if not isinstance(sensor, WrenchSensor):
             raise SettingError(f"sensor is a {type(sensor).__name__}; give a WrenchSensor.")
         items = {id(item): item for level in stack.levels for item in level if isinstance(item, Reference)}

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector, positive_number, real_array
+from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.command import Command, Mode, fault_of
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.stack import Stack
@@ -78,8 +79,8 @@ class MotionRunner:
     def __init__(
         self, stack: Stack, solver: str | Solver, *, acceleration: ArrayLike, accept_inaccurate: bool = True
     ) -> None:
-        if not isinstance(stack, Stack):
-            raise SettingError(f"stack is a {type(stack).__name__}; give a Stack.")
+        if not isinstance(stack, Stack) or isinstance(stack, AccelerationStack):
+            raise SettingError(f"stack is a {type(stack).__name__}; give a Stack: what is sent are velocities.")
         a = self._acceleration = real_array(acceleration, "acceleration")
         if a.ndim > 1 or not a.size or not ((a > 0.0) & np.isfinite(a)).all():
             raise SettingError(

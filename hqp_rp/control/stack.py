@@ -289,15 +289,20 @@ class Stack:
             )
             return value
         for where, item in self._places():
-            gain = float(np.max(item.gain)) if isinstance(item, FeedbackTask) else 0.0
-            if gain * value > 1.0 + 1e-9:
-                warnings.warn(
-                    f"{where}: {item.name!r} has gain {gain:g} 1/s at dt {value:g} s: each step goes {gain * value:.3g} times "
-                    f"the way to the target, past it. Take a gain of at most 1/dt = {1.0 / value:g}.",
-                    UserWarning,
-                    stacklevel=3,
-                )
+            told = self._too_quick(item, value)
+            if told is not None:
+                warnings.warn(f"{where}: {item.name!r} has {told}", UserWarning, stacklevel=3)
         return value
+
+    def _too_quick(self, item: Any, dt: float) -> str | None:
+        """What is wrong with the gains of an item at this dt, or None."""
+        gain = float(np.max(item.gain)) if isinstance(item, FeedbackTask) else 0.0
+        if gain * dt <= 1.0 + 1e-9:
+            return None
+        return (
+            f"gain {gain:g} 1/s at dt {dt:g} s: each step goes {gain * dt:.3g} times the way to the target, past it. Take a "
+            f"gain of at most 1/dt = {1.0 / dt:g}."
+        )
 
     def _with_theirs(
         self, rows: StackRows, lower: FloatArray, dt: float | None

@@ -18,7 +18,7 @@ class Task(Protocol):
     """What a robot should do at its current configuration: rows `J v = rate` on its velocity v (nv,).
 
     Anything with a `name` and an `evaluate` is a task. A task that also has `frames`, the names of the frames it uses,
-    has them checked when a stack first meets a robot.
+    has them checked when a stack first meets a robot. An `AccelerationStack` also takes its `kd` and `bias_acceleration`.
     """
 
     @property
@@ -137,9 +137,13 @@ class FeedbackTask(NativeTask):
         """How many numbers a feed-forward has; None when only a robot can tell."""
         return self._rows
 
+    def _feedback(self) -> tuple[float | FloatArray, float | FloatArray]:
+        """kp in 1/s^2 and kd in 1/s, one number or (m,) each."""
+        kp = self._gain * self._gain if self._kp is None else self._kp
+        return kp, 2.0 * self._gain if self._kd is None else self._kd
+
     def _second_order(self, rows: int) -> tuple[FloatArray, FloatArray]:
-        kp = np.square(self._gain) if self._kp is None else self._kp
-        kd = np.multiply(2.0, self._gain) if self._kd is None else self._kd
+        kp, kd = self._feedback()
         return np.broadcast_to(kp, (rows,)), np.broadcast_to(kd, (rows,))
 
     def _ahead(self, rows: int) -> FloatArray:

@@ -16,12 +16,13 @@ if TYPE_CHECKING:
     from hqp_rp.robot.mujoco_arm import arm_spec
     from hqp_rp.robot.mujoco_robot import MujocoRobot
     from hqp_rp.robot.pinocchio_robot import PinocchioRobot
-    from hqp_rp.robot.robot import Robot
+    from hqp_rp.robot.robot import DynamicRobot, Robot
     from hqp_rp.robot.robot_source import RobotSource
 
 __all__ = [
     "Coupling",
     "DHArm",
+    "DynamicRobot",
     "FrameBatch",
     "Link",
     "MujocoRobot",
@@ -39,6 +40,7 @@ __all__ = [
 _LAZY = {
     "Coupling": "coupling",
     "DHArm": "dh",
+    "DynamicRobot": "robot",
     "FrameBatch": "batch",
     "frame_batch": "batch",
     "Link": "dh",

@@ -88,6 +88,8 @@ class Frames:
         self.rotations = np.tile(np.eye(3), (len(names), 1, 1))
         self.origins = np.zeros((len(names), 3))
         self.jacobians = np.zeros((len(names), 6, robot.nv))
+        self._real = [(f, name) for f, name in enumerate(names) if not isinstance(name, Point)]
+        self._many = getattr(robot, "fill_bias_accelerations", None)  # what tells those of several frames at once
 
     def read(self) -> None:
         """Fill the arrays for the robot's current configuration. Raises `RobotError` for arrays of a wrong shape."""
@@ -111,12 +113,19 @@ class Frames:
 
         Raises `RobotError` for a robot that does not tell Jdot v.
         """
+        self.fill_biases(v, biases)
+        np.matmul(self.jacobians, v, out=twists)
+
+    def fill_biases(self, v: FloatArray, biases: FloatArray) -> None:
+        """Fill Jdot v (F, 6) alone; as `motion`."""
+        robot = self._robot
+        if self._many is not None:
+            self._many(self._real, v, biases)
         for f, name in enumerate(self.names):
             if isinstance(name, Point):
-                biases[f, :3] = _ask(self._robot, "center_of_mass_bias_acceleration")(v)
-            else:
-                biases[f] = _ask(self._robot, "bias_acceleration")(name, v)
-        np.matmul(self.jacobians, v, out=twists)
+                biases[f, :3] = _ask(robot, "center_of_mass_bias_acceleration")(v)
+            elif self._many is None:
+                biases[f] = _ask(robot, "bias_acceleration")(name, v)
 
     def move_to(self, rotations: FloatArray, origins: FloatArray, jacobians: FloatArray) -> None:
         """Keep poses and Jacobians in these arrays from now on; shapes as of the attributes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -20,7 +20,7 @@ _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def kinematics_of(
-    model: Any, data: Any, frames: Sequence[int | None], mass: float, trees: set[int]
+    model: Any, data: Any, frames: Sequence[int | None], mass: float, bodies: Collection[int]
 ) -> _native.Kinematics:
     """What reads poses and Jacobians of some frames where MuJoCo keeps what they are made from.
 
@@ -29,7 +29,7 @@ def kinematics_of(
 
     Args:
         model, data: the model and a state of it. frames: numbers of bodies, of sites after the bodies, or None for the centre
-            of mass. mass: of the moving bodies, kg. trees: numbers of the kinematic trees that count for it.
+            of mass. mass: of the bodies that count for it, kg. bodies: their numbers.
     """
     table: list[tuple[int, int]] = []
     chains: list[list[int]] = []
@@ -44,13 +44,13 @@ def kinematics_of(
             site = number - int(model.nbody)
             table.append((1, site))
             chains.append(_chain(model, int(model.site_bodyid[site])))
-    moving = [body for body in range(model.nbody - 1, 0, -1) if int(model.body_treeid[body]) in trees]
-    bodies = [(body, int(model.body_parentid[body]), (_chain(model, body) or [-1])[0]) for body in moving]
+    leaves_first = sorted(bodies, reverse=True)
+    moving = [(body, int(model.body_parentid[body]), (_chain(model, body) or [-1])[0]) for body in leaves_first]
     names = ("xmat", "xpos", "site_xmat", "site_xpos", "xanchor", "xaxis", "xipos")
     state = {name: getattr(data, name) for name in names} | {"body_mass": model.body_mass, "kept": (model, data)}
     arrays = (np.array(rows, dtype=np.int64).reshape(-1, width) for rows, width in ((table, 2), (_dofs(model), 6)))
     frame_table, dof_table = arrays
-    body_table = np.array(bodies, dtype=np.int64).reshape(-1, 3)
+    body_table = np.array(moving, dtype=np.int64).reshape(-1, 3)
     return _native.Kinematics(frame_table, chains, dof_table, body_table, mass, state)
 
 

@@ -119,8 +119,10 @@ class MujocoRobot(MujocoSurroundings):
         self._begin_with(unactuated)
         self._own_trees = set(model.dof_treeid.tolist()) - set(model.dof_treeid[self._unactuated].tolist())
         own = np.isin(model.body_treeid, list(self._own_trees))
+        self._moving_bodies: list[int] = np.flatnonzero(own).tolist()
         self._moving_mass = float(model.body_mass[own].sum())
         self._kinematics: dict[int | None, _native.Kinematics] = {}
+        self._part_kinematics: dict[frozenset[int], _native.Kinematics] = {}
         self._pose_room = (np.empty((1, 3, 3)), np.empty((1, 3)))
         neutral = keyframe(model, neutral) if isinstance(neutral, str) else model.qpos0 if neutral is None else neutral
         self._neutral = frozen(np.array(self._checked(neutral, "neutral")))
@@ -319,6 +321,21 @@ class MujocoRobot(MujocoSurroundings):
         self._require_part_mass(total, bodies)
         return center / total, jacobian / total
 
+    def part_center_of_mass_bias_acceleration(self, bodies: Sequence[str], v: FloatArray) -> FloatArray:
+        """(3,) acceleration of that centre of mass in world axes, at v (nv,) and v-dot = 0; arguments and errors as there."""
+        roots = frozenset(self._moving_body(name) for name in bodies)
+        kinematics = self._part_kinematics.get(roots)
+        if kinematics is None:
+            parts = set(roots)
+            for body in range(1, self._nbody):  # a body comes after its parent
+                if int(self._model.body_parentid[body]) in parts:
+                    parts.add(body)
+            mass = float(self._model.body_mass[list(parts)].sum())
+            self._require_part_mass(mass, bodies)
+            kinematics = kinematics_of(self._model, self._data, [None], mass, parts)
+            self._part_kinematics[roots] = kinematics
+        return self._bias_of(kinematics, v)[:3]
+
     def _moving_body(self, name: str) -> int:
         """The body that moves and to which this frame is fixed."""
         index = self._frame(name)
@@ -481,7 +498,7 @@ class MujocoRobot(MujocoSurroundings):
         if Point.CENTER_OF_MASS in names:
             self._require_mass()
         numbers = [None if isinstance(name, Point) else self._frame(name) for name in names]
-        kinematics = kinematics_of(self._model, self._data, numbers, self._moving_mass, self._own_trees)
+        kinematics = kinematics_of(self._model, self._data, numbers, self._moving_mass, self._moving_bodies)
         if len(numbers) == 1:
             self._kinematics[numbers[0]] = kinematics
         return kinematics

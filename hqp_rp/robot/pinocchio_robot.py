@@ -121,6 +121,7 @@ class PinocchioRobot(ModelRobot):
         # Mass matrix and centre of mass overwrite what the frame Jacobians are read from: they get data of their own.
         self._data = model.createData()
         self._dynamics = model.createData()
+        self._rest = np.zeros(self._nv)
 
     def _begin_at(self, neutral: ArrayLike | str | None) -> None:
         """Take this for the neutral configuration, and be there; outside the limits as they are now, that is said."""
@@ -328,6 +329,22 @@ class PinocchioRobot(ModelRobot):
         self._require_part_mass(total, bodies)
         return center / total, jacobian / total
 
+    def part_center_of_mass_bias_acceleration(self, bodies: Sequence[str], v: FloatArray) -> FloatArray:
+        """As `MujocoRobot.part_center_of_mass_bias_acceleration`."""
+        model, data = self._model, self._dynamics
+        velocity = checked_vector(v, self._nv, "v")
+        roots = {self._moving_joint(name) for name in bodies}
+        pin.centerOfMass(model, data, self._normalized, velocity, self._rest, True)
+        total, acceleration = 0.0, np.zeros(3)
+        for joint in roots:
+            if roots & set(list(model.supports[joint])[:-1]):
+                continue  # a part of another part
+            mass = float(data.mass[joint])
+            total += mass
+            acceleration += mass * (data.oMi[joint].rotation @ data.acom[joint])
+        self._require_part_mass(total, bodies)
+        return acceleration / total
+
     def _moving_joint(self, name: str) -> int:
         """The joint that carries this frame."""
         joint = int(self._model.frames[self._frame(name)].parentJoint)
@@ -364,16 +381,22 @@ class PinocchioRobot(ModelRobot):
 
     def bias_acceleration(self, frame: str, v: FloatArray) -> FloatArray:
         """As `MujocoRobot.bias_acceleration`."""
-        index = self._frame(frame)
-        self._move_dynamics(v)
-        found = pin.getFrameClassicalAcceleration(self._model, self._dynamics, index, _ALIGNED)
-        return np.array(found.vector)
+        found: FloatArray = np.empty((1, 6))
+        self.fill_bias_accelerations(((0, frame),), v, found)
+        return found.ravel()
+
+    def fill_bias_accelerations(self, frames: Iterable[tuple[int, str]], v: FloatArray, out: FloatArray) -> None:
+        """`bias_acceleration` of several frames in these rows of out (F, 6): the tree is gone through once."""
+        model, data, frame_of = self._model, self._dynamics, self._frame
+        pin.forwardKinematics(model, data, self._normalized, checked_vector(v, self._nv, "v"), self._rest)
+        for f, frame in frames:
+            out[f] = pin.getFrameClassicalAcceleration(model, data, frame_of(frame), _ALIGNED).vector
 
     def center_of_mass_bias_acceleration(self, v: FloatArray) -> FloatArray:
         """As `MujocoRobot.center_of_mass_bias_acceleration`."""
         self._require_mass()
         velocity = checked_vector(v, self._nv, "v")
-        pin.centerOfMass(self._model, self._dynamics, self._normalized, velocity, np.zeros(self._nv), False)
+        pin.centerOfMass(self._model, self._dynamics, self._normalized, velocity, self._rest, False)
         return np.array(self._dynamics.acom[0])
 
     def angular_momentum_jacobian(self) -> FloatArray:
@@ -389,11 +412,6 @@ class PinocchioRobot(ModelRobot):
         rate = np.array(pin.dccrba(self._model, self._dynamics, self._normalized, velocity)).reshape(6, self._nv)
         found: FloatArray = rate[3:] @ velocity
         return found
-
-    def _move_dynamics(self, v: FloatArray) -> None:
-        velocity = checked_vector(v, self._nv, "v")
-        pin.forwardKinematics(self._model, self._dynamics, self._normalized, velocity, np.zeros(self._nv))
-        pin.updateFramePlacements(self._model, self._dynamics)
 
     def integrate(self, q: FloatArray, v: FloatArray, dt: float) -> FloatArray:
         """(nq,) configuration reached from q by the constant velocity v during dt seconds."""

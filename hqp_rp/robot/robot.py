@@ -1,4 +1,4 @@
-"""The robot protocol: what the rest of the library needs to know of a robot, whatever library computes it."""
+"""The robot protocols: what the rest of the library needs to know of a robot, whatever library computes it."""
 
 from __future__ import annotations
 
@@ -78,4 +78,35 @@ class Robot(Protocol):
 
     def difference(self, q0: FloatArray, q1: FloatArray) -> FloatArray:
         """(nv,) velocity that leads from q0 to q1 in one second."""
+        ...
+
+
+@runtime_checkable
+class DynamicRobot(Robot, Protocol):
+    """What accelerations and torques need besides: `AccelerationStack` and `TorqueStack` ask for it when they first use it.
+
+    v (nv,) and a = v-dot (nv,) are in the library's own convention: of a free joint, MuJoCo has the linear velocity in world
+    axes and the angular one in body axes, Pinocchio both in body axes; v-dot is the rate of these numbers.
+
+    Attributes:
+        effort_limit: (nv,) the greatest |torque| that the model states of its motors, N m or N; infinite where none is stated.
+    """
+
+    @property
+    def effort_limit(self) -> FloatArray: ...
+
+    def bias(self, v: FloatArray) -> FloatArray:
+        """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau: Coriolis, centrifugal and gravity torques."""
+        ...
+
+    def inverse_dynamics(self, v: FloatArray, a: FloatArray) -> FloatArray:
+        """(nv,) tau = M(q) a + h(q, v) + g(q), armature included; no friction, damping, contacts or constraints."""
+        ...
+
+    def bias_acceleration(self, frame: str, v: FloatArray) -> FloatArray:
+        """(6,) Jdot v: acceleration of the frame's origin over angular acceleration at v-dot = 0, without gravity."""
+        ...
+
+    def center_of_mass_bias_acceleration(self, v: FloatArray) -> FloatArray:
+        """(3,) acceleration of the centre of mass at v-dot = 0, without gravity; of the same bodies as `center_of_mass`."""
         ...

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from hqp_rp.core.errors import RobotError
-from hqp_rp.robot import MujocoRobot, PinocchioRobot, planar_arm, sawyer
+from hqp_rp.robot import DynamicRobot, MujocoRobot, PinocchioRobot, Robot, planar_arm, sawyer
+from hqp_rp.robot.dual_arm import dual_arm
 from hqp_rp.robot.pinocchio_model import configuration_from_mujoco
+from hqp_rp.scenarios.humanoid_reach import HumanoidReach
+from tests.control.chain import random_chain
 
 EVERY_JOINT = """
 <mujoco><compiler angle="radian"/><worldbody>
@@ -187,3 +190,63 @@ def test_effort_limits_are_what_the_model_states(tmp_path):
         found = adapter.from_file(path)
         np.testing.assert_array_equal(found.effort_limit, [12.5, np.inf])
         np.testing.assert_array_equal(pickle.loads(pickle.dumps(found)).effort_limit, found.effort_limit)
+
+
+def humanoid():
+    return HumanoidReach().robot()
+
+
+@pytest.mark.parametrize("make", [lambda: dual_arm(sawyer()), humanoid], ids=["dual arm", "humanoid"])
+def test_both_libraries_agree_on_large_robots_to_1e_9(make):
+    one = make()
+    other = PinocchioRobot.from_mujoco(one.model)
+    q, v = moving(one, 0)
+    a = np.random.default_rng(0).normal(size=one.nv)
+    other.update(configuration_from_mujoco(one.model, q))
+    their_v, their_a = v.copy(), a.copy()
+    free = one.model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
+    assert free == (one.nv > 30)
+    if free:
+        R = one.pose(one.model.body(int(one.model.jnt_bodyid[0])).name)[0]
+        their_v[:3], their_a[:3] = R.T @ v[:3], R.T @ (a[:3] - np.cross(R @ v[3:6], v[:3]))
+    for frame in sorted(set(one.frame_names) & set(other.frame_names))[::7]:
+        # Their v-dot has the part of the turning base in it: accelerations, not biases alone, are the same.
+        accelerations = [
+            robot.jacobian(frame) @ rate + robot.bias_acceleration(frame, velocity)
+            for robot, velocity, rate in ((one, v, a), (other, their_v, their_a))
+        ]
+        np.testing.assert_allclose(*accelerations, atol=1e-9, err_msg=frame)
+    centers = [
+        robot.center_of_mass_jacobian() @ rate + robot.center_of_mass_bias_acceleration(velocity)
+        for robot, velocity, rate in ((one, v, a), (other, their_v, their_a))
+    ]
+    np.testing.assert_allclose(*centers, atol=1e-9)
+    torque = other.inverse_dynamics(their_v, their_a)
+    if free:
+        torque[:3] = R @ torque[:3]
+    np.testing.assert_allclose(one.inverse_dynamics(v, a), torque, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["every kind of joint", "every kind of joint, Pinocchio"])
+@pytest.mark.parametrize("bodies", [["wrist"], ["tool", "arm"], ["base"]])
+def test_the_bias_acceleration_of_parts_is_the_rate_of_their_jacobian(name, bodies):
+    robot = ROBOTS[name]()
+    q, v = moving(robot, 1)
+    expected = rate(robot, q, v, lambda: robot.part_center_of_mass(bodies)[1] @ v)
+    for _ in range(2):  # what is kept from the first time follows the robot
+        np.testing.assert_allclose(robot.part_center_of_mass_bias_acceleration(bodies, v), expected, atol=1e-8)
+        q, v = moving(robot, 2)
+        expected = rate(robot, q, v, lambda v=v: robot.part_center_of_mass(bodies)[1] @ v)
+    if bodies == ["base"]:
+        whole = robot.center_of_mass_bias_acceleration(v)
+        np.testing.assert_allclose(robot.part_center_of_mass_bias_acceleration(bodies, v), whole, atol=1e-12)
+    with pytest.raises(RobotError, match="world"):
+        robot.part_center_of_mass_bias_acceleration(["world"], v)
+
+
+def test_what_accelerations_need_is_a_protocol_of_its_own():
+    for robot in (MujocoRobot.from_arm(sawyer()), PinocchioRobot.from_arm(sawyer())):
+        assert isinstance(robot, DynamicRobot)
+    chain = random_chain(np.random.default_rng(0))
+    assert isinstance(chain, Robot)
+    assert not isinstance(chain, DynamicRobot)

@@ -23,7 +23,9 @@ def regular(scenario, solver, seed=0, **settings):
 
 
 def worst(steps, axes=("x", "y", "z")):
-    return max(abs(step.measured[f"deviation {axis}"] - step.measured[f"ideal {axis}"]) for step in steps for axis in axes)
+    return max(
+        abs(step.measured[f"deviation {axis}"] - step.measured[f"ideal {axis}"]) for step in steps for axis in axes
+    )
 
 
 def test_it_is_registered_and_no_part_of_the_main_comparison():
