@@ -124,5 +124,4 @@ class NullSpaceTorque(Solver):
         """J^W+ (n, m)."""
         R = np.linalg.cholesky(W).T
         turned = np.linalg.solve(R.T, J.T).T
-        found: FloatArray = np.linalg.solve(R, np.linalg.pinv(turned, rcond=self.rank_tolerance))
-        return found
+        return np.asarray(np.linalg.solve(R, np.linalg.pinv(turned, rcond=self.rank_tolerance)), dtype=np.float64)

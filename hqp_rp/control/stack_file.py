@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from hqp_rp.control._checks import WORLD, check_frames, frame_point
+from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control.center_of_mass_task import center_of_mass
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
@@ -53,7 +54,7 @@ LIMITS = {
 }
 """Type in the file -> the limit's class in `hqp_rp.control`; its arguments are the keys of the table."""
 
-_TOP = ("dt", "robot", "level", "limit")
+_TOP = ("dt", "metric", "robot", "level", "limit")
 _LEVEL = ("name", "damping", "task", "limit")
 _DAMPING: dict[str, Any] = {
     "constant": ConstantDamping,
@@ -79,6 +80,7 @@ class StackFile:
     _limits: tuple[Item, ...]
     _damping: tuple[LevelDamping | None, ...] = ()
     _robot: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    _metric: StackMetric = None
 
     @property
     def has_limits(self) -> bool:
@@ -120,7 +122,7 @@ class StackFile:
             given = [name for name, _ in self._levels]
             defaults = Stack(levels).names
             names = [a or b for a, b in zip(given, defaults, strict=True)]
-            stack = Stack(levels, limits, names=names, damping=self._damping or None)
+            stack = Stack(levels, limits, names=names, damping=self._damping or None, metric=self._metric)
             try:
                 rest = np.zeros(robot.nv)
                 stack.problem(robot, self.dt, rest, rest)
@@ -216,10 +218,22 @@ def parse_stack(text: str, origin: str = "the stack", folder: str | os.PathLike[
         raise SettingError(f"{origin}: there is no level; give at least one [[level]] with a [[level.task]].")
     hard = _items(content, "limit", "hard", origin)
     robot = _robot(content.get("robot", {}), origin, pathlib.Path(folder))
-    stack = StackFile(origin, text, _dt(content, origin), tuple(levels), hard, tuple(damping), robot)
+    stack = StackFile(
+        origin, text, _dt(content, origin), tuple(levels), hard, tuple(damping), robot, _metric(content, origin)
+    )
     if stack.has_limits and stack.dt is None:
         raise SettingError(f"{origin}: limits need the time step; write dt = 0.01 (in s) above the first level.")
     return stack
+
+
+def _metric(content: Mapping[str, Any], origin: str) -> StackMetric:
+    """What `Stack(metric=...)` takes, from a string or a table of weights by joint."""
+    metric: StackMetric = content.get("metric")
+    try:
+        MetricOnRobot(metric)
+    except HqpError as error:
+        raise _told(error, origin) from None
+    return metric
 
 
 def _robot(values: Any, origin: str, folder: pathlib.Path) -> dict[str, Any]:

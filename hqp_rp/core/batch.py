@@ -107,8 +107,8 @@ def _roots(metric: ArrayLike, count: int, n: int) -> tuple[FloatArray, FloatArra
     if W.shape not in ((1, n, n), (count, n, n)):
         raise ProblemError(f"metric has shape {np.shape(metric)}; it must be ({n}, {n}) or ({count}, {n}, {n}).")
     W = np.stack([checked_metric(one, n) for one in W])
-    root = np.ascontiguousarray(np.swapaxes(np.linalg.cholesky(W), 1, 2))
-    return root, np.triu(np.linalg.inv(root))
+    root: FloatArray = np.ascontiguousarray(np.swapaxes(np.linalg.cholesky(W), 1, 2), dtype=np.float64)
+    return root, np.asarray(np.triu(np.linalg.inv(root)), dtype=np.float64)
 
 
 def _check(matrix: FloatArray, lower: FloatArray, upper: FloatArray, offsets: IntArray) -> None:

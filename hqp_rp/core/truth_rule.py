@@ -51,8 +51,8 @@ def solve_by_rule(
         loaded = [_loaded(A, b) for A, b in levels]
         sizes = [_norm_of(A) if len(A) else 0.0 for A, _ in levels]
         R = None if metric is None else _root(metric, bits)
-        if R is not None:
-            inverse = R.inv().mid()
+        inverse = None if R is None else R.inv().mid()
+        if inverse is not None:
             loaded = [((matrix * inverse).mid() if matrix.nrows() else matrix, target) for matrix, target in loaded]
             sizes = [_norm_of_arb(matrix) for matrix, _ in loaded]
         ranks, borderline = [], False
@@ -76,7 +76,7 @@ def solve_by_rule(
         residuals = tuple(
             _residual(matrix, x, target, _exponent(A)) for (A, _), (matrix, target) in zip(levels, loaded, strict=True)
         )
-        if R is not None:
+        if inverse is not None:
             x = (inverse * x).mid()
         answer = np.array([float(e) for e in x.entries()])
     return RuleAnswer(answer, residuals, tuple(ranks), borderline, bits)

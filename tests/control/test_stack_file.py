@@ -339,3 +339,21 @@ def test_points_parts_and_limits_on_frames() -> None:
     looking = "[[level]]\n[[level.task]]\ntype = 'look_at'\nframe = 'tool'"
     with pytest.raises(SettingError, match="there is no target; give the place to look at"):
         parse_stack(looking).stack(robot)
+
+
+def test_a_metric_is_the_inertia_or_weights_by_joint():
+    task = '[[level]]\n[[level.task]]\ntype = "position"\nframe = "tool"\n'
+    robot = named_robot("sawyer")
+    for line, expected in (
+        ('metric = "inertia"\n', robot.mass_matrix()),
+        ('metric = { joint1 = 10.0, "joint[23]" = 4.0 }\n', np.diag([10.0, 4.0, 4.0, 1.0, 1.0, 1.0, 1.0])),
+    ):
+        stack = parse_stack(line + task).stack(robot)
+        np.testing.assert_allclose(stack.problem(robot).metric, expected)
+    assert parse_stack(task).stack(robot).problem(robot).metric is None
+    for line, words in (
+        ('metric = "mass"\n', 'give "inertia"'),
+        ("metric = { joint1 = 0.0 }\n", "must be a number > 0"),
+    ):
+        with pytest.raises(SettingError, match=words):
+            parse_stack(line + task)
