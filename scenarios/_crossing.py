@@ -156,6 +156,10 @@ class Crossing(Scenario):
                 f"duration is {self.duration:g} s, period is {self.period:g} s; a run needs at least two periods."
             )
 
+    @property
+    def commands_torques(self) -> bool:
+        return self.command != "velocity"
+
     @abc.abstractmethod
     def arm(self) -> DHArm:
         """The arm that is simulated."""

@@ -216,6 +216,10 @@ class Interaction(Scenario):
             )
         self.surface()
 
+    @property
+    def commands_torques(self) -> bool:
+        return self.inner_loop == "torque"
+
     @abc.abstractmethod
     def cases(self) -> tuple[Case, ...]:
         """The cases, in the order in which they are run."""

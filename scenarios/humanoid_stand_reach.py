@@ -128,6 +128,10 @@ class HumanoidStandReach(Scenario):
                 f"duration is {self.duration:g} s, period is {self.period:g} s; a run needs at least two periods."
             )
 
+    @property
+    def commands_torques(self) -> bool:
+        return True
+
     def periods(self) -> int:
         """Number of control periods."""
         return max(2, round(self.duration / self.period))

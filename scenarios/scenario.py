@@ -59,6 +59,11 @@ class Scenario(abc.ABC):
     log_abscissa: ClassVar[bool] = False
     by_default: ClassVar[bool] = True
 
+    @property
+    def commands_torques(self) -> bool:
+        """Whether the unknown is an acceleration: then solvers that speak of inertia take part by default."""
+        return False
+
     @abc.abstractmethod
     def steps(self, solver: Solver, seed: int) -> Iterator[Step]:
         """Run the scenario with `solver` and yield each step as it is solved.

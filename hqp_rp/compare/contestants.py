@@ -69,6 +69,21 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
         ),
     ),
     "singularity_robust": (("singularity robust", {}, DAMPED, "Chiaverini's (13): bounded, inexact below level 1"),),
+    "operational_space": (
+        ("operational space", {}, EXACT, "Khatib and Sentis: null-space priority in the metric of the problem"),
+        ("operational selective", {"singularity": "selective"}, DAMPED, "small eigenvalues of the task inertia damped"),
+        (
+            "operational blend",
+            {"singularity": "blend"},
+            DAMPED,
+            "singular directions blended out, left to lower levels",
+        ),
+    ),
+    "null_space_torque": (
+        ("projected torques", {}, DAMPED, "augmented, dynamically consistent: exact on level 1 alone"),
+        ("projected torques static", {"consistency": "static"}, DAMPED, "the same, statically consistent"),
+        ("projected torques successive", {"projection": "successive"}, DAMPED, "the same, successive"),
+    ),
     "pseudo_inverse": (("pseudo-inverse", {}, SOFT, "all levels as one: the classical solution without priority"),),
     "damped_least_squares": (
         ("DLS constant", {"damping": _CONSTANT}, SOFT, "all levels as one, damped everywhere"),
@@ -95,15 +110,21 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
 _FOR_LIMITS = ("reverse_priority_unilateral", "saturation_null_space")
 """Without hard rows these are `reverse_priority` and `null_space`: they line up where a scenario has limits."""
 
+_FOR_TORQUES = ("operational_space", "null_space_torque")
+"""Without a metric the first is `null_space`: they line up where a scenario is about accelerations or torques."""
 
-def default_contestants(*, limits: bool = True) -> tuple[Contestant, ...]:
+
+def default_contestants(*, limits: bool = True, torques: bool = True) -> tuple[Contestant, ...]:
     """Every solver in the solvers folder: its variants worth showing, or its defaults when none are listed here.
 
-    Without `limits`, those that differ from others only where there are hard rows are left out.
+    Without `limits`, those that differ from others only where there are hard rows are left out; without `torques`, those that
+    speak of inertia.
     """
     order = [*_VARIANTS, *(name for name in all_solvers() if name not in _VARIANTS)]
     if not limits:
         order = [name for name in order if name not in _FOR_LIMITS]
+    if not torques:
+        order = [name for name in order if name not in _FOR_TORQUES]
     found = [contestant for name in order if name in all_solvers() for contestant in variants(name)]
     return tuple(sorted(found, key=lambda contestant: GROUPS.index(contestant.group)))
 
