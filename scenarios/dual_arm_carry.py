@@ -63,7 +63,7 @@ class DualArmCarry(Scenario):
     Hard: the equation of motion of the box, torques, friction and unilaterality at eight points, joint positions,
     velocities and accelerations in one box.
 
-    `Step.measured`, of the period that follows the problem:
+    A refusal is yielded, with nothing measured, and ends the run. `Step.measured`, of the period that follows the problem:
 
         "box position error [m]", "box orientation error [rad]": norms;
         "squeeze error [N]": of the forces of both hands in the answer, the larger;
@@ -208,6 +208,9 @@ class DualArmCarry(Scenario):
             command = controller.step(robot, self.period, np.array(data.qvel))
             if command.problem is None or command.solution is None:
                 return
+            if command.solution.status is Status.REFUSED:
+                yield Step("", t, command.problem, command.solution, command.solve_time)
+                return
             data.qfrc_applied[:] = 0.0
             data.qfrc_applied[:14] = command.torque
             data.xfrc_applied[box, 0] = run.push(t)
@@ -215,8 +218,6 @@ class DualArmCarry(Scenario):
             robot.update(data.qpos)
             run.refer(t + self.period)
             yield Step("", t, command.problem, command.solution, command.solve_time, run.measured(command, data))
-            if command.solution.status is Status.REFUSED:
-                return
 
 
 class _Run:

@@ -61,7 +61,7 @@ class HumanoidStandReach(Scenario):
     and joint positions, velocities and accelerations in one box. In 6.5 s (or `duration`) the robot stands, reaches `reach` m
     forward and beyond what balance allows, comes back, is pushed at the pelvis, shifts its weight to the left foot, lifts the
     right one and sets it down. What MuJoCo makes of the torques is what happens; the controller knows the model, the state and
-    which contacts are meant to be closed, and not the push.
+    which contacts are meant to be closed, and not the push. A refusal is yielded, with nothing measured, and ends the run.
 
     While a foot comes or goes, the torques are a blend of two answers; the one that weighs more is the step's problem and
     solution, and the solve time is that of both.
@@ -198,6 +198,9 @@ class HumanoidStandReach(Scenario):
             command = controller.step(robot, self.period, np.array(data.qvel))
             if command.problem is None or command.solution is None:
                 return
+            if command.solution.status is Status.REFUSED:
+                yield Step("", t, command.problem, command.solution, command.solve_time)
+                return
             data.qfrc_applied[:] = 0.0
             data.qfrc_applied[6:] = command.torque
             data.xfrc_applied[pelvis, :3] = run.push(t)
@@ -210,8 +213,6 @@ class HumanoidStandReach(Scenario):
                 solution = max(solution.parts, key=lambda part: part[0])[1]
                 problem = solution.problem
             yield Step("", t, problem, solution, command.solve_time, measured)
-            if command.solution.status is Status.REFUSED:
-                return
 
 
 class _Run:
