@@ -152,6 +152,35 @@ def impedance() -> list[str]:
     return lines
 
 
+def stood_by_others() -> list[str]:
+    """The same motion with other solvers of the same problem; the weighted sum over a sweep of its ratio."""
+    solvers: dict[str, tuple[str, dict[str, Any]]] = {
+        "hierarchical_active_set": ("hierarchical_active_set", {}),
+        "qp_cascade, ProxQP": ("qp_cascade", {}),
+        "daqp": ("daqp", {}),
+        **{f"weighted, ratio {ratio:g}": ("weighted", {"ratio": ratio}) for ratio in (0.3, 0.1, 0.03, 0.01, 1e-3)},
+    }
+    lines = [
+        "| solver | stood | hand within reach again, mm | balance, mm | slip, mm | tilt, rad | no answer | solve: median, ms |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for label, (name, settings) in solvers.items():
+        steps = list(HumanoidStandReach().steps(get_solver(name, **settings), 0))
+        column = {key: np.array([step.measured[key] for step in steps]) for key in steps[0].measured}
+        stood = "yes" if column["height [m]"].min() > 0.6 else "fell"
+        cells = [
+            stood,
+            f"{1e3 * column['hand error [m]'][-1]:.1f}",
+            f"{1e3 * column['balance error [m]'].max():.0f}",
+            f"{1e3 * column['slip [m]'].max():.1f}",
+            f"{column['tilt [rad]'].max():.3f}",
+            f"{int(column['holding'].sum())} of {len(steps)}",
+            f"{1e3 * np.median([step.solve_time for step in steps]):.2f}",
+        ]
+        lines.append(f"| {label} | {' | '.join(cells)} |")
+    return lines
+
+
 def main() -> None:
     found = crossing()
     draw_crossing(found)
@@ -192,6 +221,11 @@ Remade by `python docs/reports/torque/levels.py`; read in [From velocities to to
 {worst["torque violation [N m]"]:.2g} N m, {int(stood["holding"].sum())} of {len(stood["time"])} steps without an answer.
 
 ![Errors and torques of the humanoid over time](humanoid.png)
+
+The same motion with other solvers of the same problem, each at its defaults; `weighted` is a weighted inverse dynamics,
+over a sweep of its ratio, since no one ratio is the right one for six levels:
+
+{chr(10).join(stood_by_others())}
 
 Machine: {about["processor"]}, {about["cores"]} cores.
 """
