@@ -71,9 +71,9 @@ class AccelerationRows(StackRows):
         if not self._packed:
             return super()._call_native(matrix, lower, upper, dt, plain)
         for i, (task, packed) in enumerate(self._packed):
-            if self._seconds[i] is not packed:
+            if packed is not self._seconds[i] and task._made is not self._seconds[i]:
                 self._pack_second(i, task)
-                self._seconds[i] = packed
+                self._seconds[i] = task._made
         if not self._native_motion:
             self._frames.fill_biases(self._velocity, self._biases)
         return self._native.fill_acceleration(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hqp_rp.control._rotations import nearest_rotation, quaternion_to_matrix
+from hqp_rp.core._native import is_finite
 from hqp_rp.core.errors import RobotError, SettingError, unknown_name
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
@@ -44,7 +45,7 @@ def finite_vector(value: ArrayLike, size: int, what: str, unit: str) -> FloatArr
     vector = real_array(value, what)
     if vector.shape != (size,):
         raise SettingError(f"{what} has shape {vector.shape}; it must be {size} numbers in {unit}, shape ({size},).")
-    if not math.isfinite(vector.dot(vector)):
+    if not is_finite(vector):
         _refuse_not_finite(vector, what)
     vector.flags.writeable = False
     return vector

@@ -39,11 +39,15 @@ class Layout:
 
 
 class NativeRows(abc.ABC):
-    """Rows stated as numbers. Every setter must reset `_packed`."""
+    """Rows stated as numbers. Every setter must reset `_packed`, or `_patch` the numbers that it alone decides.
 
-    __slots__ = ("_alone", "_packed", "_packed_on")
+    `_made` is the last result of `_numbers`: where it is the same object as before, nothing but patches happened.
+    """
+
+    __slots__ = ("_alone", "_made", "_packed", "_packed_on")
 
     _alone: StackRows | None
+    _made: FloatArray | None
     _packed: FloatArray | None
     _packed_on: Robot
 
@@ -69,7 +73,15 @@ class NativeRows(abc.ABC):
         """`_numbers`, made anew only when something was set or another robot asks."""
         if self._packed is None or self._packed_on is not robot:
             self._packed, self._packed_on = self._numbers(robot, layout), robot
+            self._made = self._packed
         return self._packed
+
+    def _patch(self, first: int, values: FloatArray) -> None:
+        """Set the numbers from `first` on, which nothing else depends on: a target that moves at every step."""
+        if self._packed is not None:
+            numbers = self._packed.copy()
+            numbers[first : first + len(values)] = values
+            self._packed = numbers
 
     def _require_velocity(self) -> None:
         raise SettingError(

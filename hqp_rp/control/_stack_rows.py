@@ -172,10 +172,9 @@ class StackRows:
                 matrix[rows], lower[rows] = A, low
                 if upper is not None:
                     upper[rows] = high
-        for task, packed in self._packed:
+        for i, (task, packed) in enumerate(self._packed):
             if task._packed is not packed:
-                self._pack()
-                break
+                self._pack_one(i, task)
         if (
             self._accelerated is not None
             or self._own_q is not None
@@ -217,11 +216,15 @@ class StackRows:
 
     def _pack(self) -> None:
         """Bring the numbers up to date: the rows are new, or a setter was called."""
-        for i, ((task, packed), (layout, span)) in enumerate(zip(self._packed, self._packs, strict=True)):
+        for i, (task, packed) in enumerate(self._packed):
             if task._packed is not packed:
-                current = task._current(self.robot, layout)
-                self._numbers[span] = current
-                self._packed[i] = task, current
+                self._pack_one(i, task)
+
+    def _pack_one(self, i: int, task: NativeRows) -> None:
+        layout, span = self._packs[i]
+        current = task._current(self.robot, layout)
+        self._numbers[span] = current
+        self._packed[i] = task, current
 
     def _ask(self, v: FloatArray | None, a: FloatArray | None) -> None:
         """The motion before the step, and what only the robot knows: poses and Jacobians, coordinates, differences."""

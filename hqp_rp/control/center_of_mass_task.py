@@ -118,7 +118,7 @@ class CenterOfMassTask(FeedbackTask):
     @target.setter
     def target(self, value: ArrayLike) -> None:
         self._target = finite_vector(value, 3, f"the target of {self._name!r}", "m")
-        self._packed = None
+        self._patch(2 * len(self._axes) + 15, self._target)  # as in `_numbers`
 
     @property
     def feedforward(self) -> FloatArray | None:

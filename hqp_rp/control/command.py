@@ -6,8 +6,7 @@ import dataclasses
 import enum
 from collections.abc import Container
 
-import numpy as np
-
+from hqp_rp.core._native import is_finite
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 
@@ -50,6 +49,6 @@ def fault_of(solution: Solution, accepted: Container[Status], nv: int) -> str:
         return f"The solver failed: {solution.status.value} {solution.message}".rstrip()
     if x.shape != (nv,):
         return f"The solver failed: its x has shape {x.shape}; the robot has nv = {nv}."
-    if not np.isfinite(x).all():
+    if not is_finite(x):
         return f"The solver failed: its x is not finite, though it says: {solution.status.value}"
     return ""

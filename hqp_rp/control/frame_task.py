@@ -81,7 +81,12 @@ class FrameTask(FeedbackTask, Generic[Target]):
     @target.setter
     def target(self, value: Any) -> None:
         self._target: Target = self._checked(value)
-        self._packed = None
+        rotation, origin = self._pose()
+        place = 2 * len(self._axes) + 6  # as in `_numbers`
+        if rotation is not None:
+            self._patch(place, rotation.ravel())
+        if origin is not None:
+            self._patch(place + 9, origin)
 
     @property
     def frame(self) -> str:

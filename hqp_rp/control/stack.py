@@ -19,6 +19,7 @@ from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import FeedbackTask, Task
+from hqp_rp.core._native import is_finite
 from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
@@ -183,6 +184,23 @@ class Stack:
                 )
         elif type(dt) is not float or dt != self._dt:
             dt = self._checked_dt(dt)
+        matrix, lower, upper, damping = self._filled(rows, robot, dt, v, a)
+        offsets, below = self._offsets
+        metric = self._metric.on(robot)
+        problem = Problem.from_rows(
+            matrix, lower, upper, offsets, self._names, int(below[1]), not self._two_sided, damping, metric
+        )
+        if self._hard:
+            counts = rows.counts
+            problem.kept = {ROW_NAMES: lambda: self._named_rows(robot, counts)}
+            if not problem.hard_rows:  # limits without a row at present
+                problem.kept["hard"] = Level(np.zeros((0, robot.nv)), [], [], name="limits")
+        return problem
+
+    def _filled(
+        self, rows: StackRows, robot: Robot, dt: float | None, v: ArrayLike | None, a: ArrayLike | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[LevelDamping | None, ...] | None]:
+        """Matrix, lower and upper of all rows, hard ones first, and the damping of the levels, for a dt that was checked."""
         if v is not None:
             v = _checked_motion(v, robot, "v", "rad/s or m/s")
         if a is not None:
@@ -193,21 +211,10 @@ class Stack:
         matrix, lower, upper = rows.rows(dt, v, a)
         if rows.counts is not self._counts:
             self._count(rows)
-        equality = not self._two_sided
-        offsets, below = self._offsets
         damping = self._policies
         if self._displacement_tasks:
             damping = self._with_theirs(rows, lower, dt)
-        metric = self._metric.on(robot)
-        problem = Problem.from_rows(
-            matrix, lower, upper, offsets, self._names, int(below[1]), equality, damping, metric
-        )
-        if self._hard:
-            counts = rows.counts
-            problem.kept = {ROW_NAMES: lambda: self._named_rows(robot, counts)}
-            if not problem.hard_rows:  # limits without a row at present
-                problem.kept["hard"] = Level(np.zeros((0, robot.nv)), [], [], name="limits")
-        return problem
+        return matrix, lower, upper, damping
 
     def batch(
         self,
@@ -448,6 +455,6 @@ def _checked_motion(value: ArrayLike, robot: Robot, name: str, unit: str) -> Flo
         motion = np.ascontiguousarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise SettingError(f"{name} is {value!r}; it must be {robot.nv} numbers in {unit}.") from None
-    if motion.shape != (robot.nv,) or not np.isfinite(motion).all():
+    if motion.shape != (robot.nv,) or not is_finite(motion):
         raise SettingError(f"{name} is {motion.tolist()}; it must be {robot.nv} finite numbers in {unit}.")
     return motion

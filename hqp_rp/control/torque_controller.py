@@ -6,13 +6,13 @@ import dataclasses
 import math
 import time
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import positive_number, real_array
 from hqp_rp.control.activation import blend
 from hqp_rp.control.command import Mode, fault_of
 from hqp_rp.control.torque_stack import InverseDynamics, TorqueStack
+from hqp_rp.core._native import torque_within
 from hqp_rp.core.errors import HqpError, SettingError
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
@@ -28,7 +28,7 @@ class TorqueCommand:
         torque: (d,) of the driven velocities, N m or N; always finite and within the limits, read-only.
         mode: RUNNING, or HOLDING while no answer can be used.
         reason: why it holds, as a sentence; empty while it runs.
-        acceleration: (nv,) that the answer expects, and forces: (F,) N of the contacts' points; None while it holds.
+        dynamics: how the answer became torques; None while it holds.
         problem, solution: what was asked and answered, or None.
         solve_time: s, wall clock of the solver's calls alone.
     """
@@ -36,11 +36,26 @@ class TorqueCommand:
     torque: FloatArray
     mode: Mode
     reason: str = ""
-    acceleration: FloatArray | None = None
-    forces: FloatArray | None = None
+    dynamics: InverseDynamics | None = None
     problem: Problem | None = None
     solution: Solution | None = None
     solve_time: float = 0.0
+
+    @property
+    def acceleration(self) -> FloatArray | None:
+        """(nv,) that the answer expects, rad/s^2 or m/s^2; None while it holds."""
+        x = self._x
+        return None if x is None or self.dynamics is None else self.dynamics.acceleration(x)
+
+    @property
+    def forces(self) -> FloatArray | None:
+        """(F,) N, that the answer expects at the contacts' points; None while it holds."""
+        x = self._x
+        return None if x is None or self.dynamics is None else self.dynamics.forces(x)
+
+    @property
+    def _x(self) -> FloatArray | None:
+        return None if self.solution is None else self.solution.x
 
 
 class TorqueController:
@@ -129,22 +144,15 @@ class TorqueController:
             reason = f"{type(error).__name__}: {error}"
         if not reason and solution is not None and solution.x is not None and dynamics is not None:
             x = solution.x
-            torque = _within(dynamics.torque(x), dynamics.limit)
-            if np.isfinite(torque).all():
+            # Cut to the limits: an answer may pass its hard rows by rounding.
+            torque = torque_within(dynamics.map, x, dynamics.offset, dynamics.limit)
+            if torque is not None:
                 self._began, self._failures = True, 0
-                parts = dynamics.acceleration(x), dynamics.forces(x)
-                return TorqueCommand(torque, Mode.RUNNING, "", *parts, problem, solution, seconds)
+                return TorqueCommand(torque, Mode.RUNNING, "", dynamics, problem, solution, seconds)
             reason = "The solver failed: the torques of its x are not finite."
         self._failures += 1
         torque = self._stack.holding_torque(robot, v, self._braking)
-        return TorqueCommand(torque, Mode.HOLDING, reason, None, None, problem, solution, seconds)
+        return TorqueCommand(torque, Mode.HOLDING, reason, None, problem, solution, seconds)
 
     def __repr__(self) -> str:
         return f"TorqueController({self._stack!r}, {self._solver.name})"
-
-
-def _within(torque: FloatArray, limit: FloatArray) -> FloatArray:
-    """Cut to the limits: an answer may pass its hard rows by rounding."""
-    cut: FloatArray = np.clip(torque, -limit, limit)
-    cut.flags.writeable = False
-    return cut

@@ -28,7 +28,6 @@ from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
-_empty = np.empty
 CONTACTS = "contacts"
 
 
@@ -175,8 +174,7 @@ class TorqueStack:
         self._driven_names = None if driven is None else tuple(driven)
         self._force_unit = positive_number(force_unit, "force_unit")
         self._robot: Robot | None = None
-        self._motion_offsets: IntArray | None = None
-        self._hard_rows = -1
+        self._motion_offsets: tuple[IntArray, IntArray] | None = None
 
     def _level_names(self, names: Sequence[str] | None) -> tuple[str, ...]:
         if names is None:
@@ -223,100 +221,60 @@ class TorqueStack:
             RobotError: a frame or joint that the robot does not have; a robot without the methods of dynamics.
             ProblemError: rows that are not finite; it names the level and the item.
         """
-        motion = self._motion.problem(robot, dt, v, a)
+        motion = self._motion
+        rows = motion._rows
+        if rows is None or rows.robot is not robot:
+            rows = motion._meet(robot)
+        if v is None:
+            raise SettingError("torques need the velocity: problem(robot, dt, v); zeros for a robot at rest.")
+        if type(dt) is not float or dt != motion._dt:
+            dt = motion._checked_dt(dt)
+        given, given_lower, given_upper, policies = motion._filled(rows, robot, dt, v, a)
         if robot is not self._robot:
             self._meet(robot)
         velocity = np.ascontiguousarray(v, dtype=np.float64)
         contacts = self._contact_rows
-        if (
-            contacts.read(velocity)
-            or motion.given_offsets is not self._motion_offsets
-            or motion.hard_rows != self._hard_rows
-        ):
-            self._lay_out(motion)
+        if contacts.read(velocity) or motion._offsets is not self._motion_offsets:
+            self._lay_out()
         M, h = robot.mass_matrix(), _bias(robot, velocity)
         if applied is not None:
             h = h - finite_vector(applied, robot.nv, "applied", "N m or N")
-        n, driven, total = robot.nv + contacts.forces, self._driven, self._total
-        matrix, lower, upper = _empty((total, n)), _empty(total), _empty(total)
-        torque_map, offset, jacobian = (
-            _empty((len(driven), n)),
-            _empty(len(driven)),
-            _empty((contacts.forces, robot.nv)),
-        )
-        sound = self._native.fill(
-            matrix,
-            lower,
-            upper,
-            M,
-            h,
-            contacts.cones,
-            contacts.cone_lower,
-            contacts.cone_upper,
-            motion.given,
-            motion.given_lower,
-            motion.given_upper,
-            self._places,
-            self._contact_place,
-            torque_map,
-            offset,
-            jacobian,
-        )
-        if not sound:
+        made = self._native.rows(M, h, given, given_lower, given_upper)
+        if made is None:
             raise ProblemError(f"The mass matrix or the bias torque of {robot!r} is not finite at this q and v.")
-        for item, rows in self._force_places:
-            A, b = self._force_rows(item, torque_map, offset, n)
-            matrix[rows] = A
-            lower[rows] = upper[rows] = b
-        policies = None if motion.damping is None else self._policies(motion.damping)
+        matrix, lower, upper, torque_map, offset, jacobian = made
+        for item, place in self._force_places:
+            A, b = self._force_rows(item, torque_map, offset)
+            matrix[place] = A
+            lower[place] = upper[place] = b
         problem = Problem.from_rows(
             matrix,
             lower,
             upper,
             self._offsets,
-            self.names,
+            self._all_names,
             self._first,
-            motion.is_equality,
-            policies,
-            self._metric_on(robot, M, n),
+            not motion._two_sided,
+            None if policies is None else self._policies(policies),
+            self._metric_on(robot, M),
         )
         degrees = self._degrees if contacts.fading else None
-        made = InverseDynamics(torque_map, offset, driven, self._limit, robot.nv, self._force_unit, jacobian, degrees)
-        problem.kept = {_DYNAMICS: made, ROW_NAMES: lambda: self._row_names(robot, motion)}
+        dynamics = InverseDynamics(
+            torque_map, offset, self._driven, self._limit, robot.nv, self._force_unit, jacobian, degrees
+        )
+        counts = rows.counts
+        problem.kept = {_DYNAMICS: dynamics, ROW_NAMES: lambda: self._row_names(robot, counts)}
         return problem
 
-    def _point_jacobian(self, robot: Robot) -> FloatArray:
-        """(F, nv) velocities of all points of contacts, in their axes, after `read`."""
-        nv, forces = robot.nv, self._contact_rows.forces
-        total = len(self._passive) + len(self._limited) + self._contact_rows.rows
-        none, no_rows, jacobian = np.zeros(0), np.zeros((0, nv)), np.empty((forces, nv))
-        self._native.fill(
-            np.empty((total, nv + forces)),
-            np.empty(total),
-            np.empty(total),
-            np.zeros((nv, nv)),
-            np.zeros(nv),
-            np.zeros((0, forces)),
-            none,
-            none,
-            no_rows,
-            none,
-            none,
-            np.zeros(0, dtype=np.int64),
-            total - self._contact_rows.rows,
-            np.empty((len(self._driven), nv + forces)),
-            np.empty(len(self._driven)),
-            jacobian,
-        )
-        return jacobian
-
-    def _lay_out(self, motion: Problem) -> None:
+    def _lay_out(self) -> None:
         """Where all rows stand: hard ones, contacts, then each level's rows on accelerations and on forces."""
-        contacts, counts, hard_rows = self._contact_rows, np.diff(motion.given_offsets).tolist(), motion.hard_rows
+        self._motion_offsets = self._motion._offsets
+        ends, below = self._motion._offsets
+        contacts, counts, hard_rows = self._contact_rows, np.diff(ends).tolist(), int(below[1])
         first = len(self._passive) + len(self._limited) + len(contacts.cones)
         places = list(range(first, first + hard_rows))
         self._first = at = first + hard_rows
-        self._contact_place = at
+        motion_place = at
         offsets = [0]
         if self._contacts:
             at += contacts.rows
@@ -333,12 +291,12 @@ class TorqueStack:
                     self._force_places.append((item, slice(at, at + m)))
                     at += m
             offsets.append(at - self._first)
-        self._total, self._offsets = at, np.array(offsets, dtype=np.int64)
-        self._places = np.array(places, dtype=np.int64)
+        self._offsets = np.array(offsets, dtype=np.int64)
+        cones = contacts.cones, contacts.cone_lower, contacts.cone_upper
+        self._native.place(*cones, np.array(places, dtype=np.int64), motion_place, at)
         self._degrees = np.ones(at - self._first)
         if self._contacts:
             self._degrees[: contacts.rows] = contacts.degrees
-        self._motion_offsets, self._hard_rows = motion.given_offsets, hard_rows
         self._kept_forces: dict[int, tuple[int, FloatArray, FloatArray]] = {}
 
     def dynamics(self, problem: Problem) -> InverseDynamics:
@@ -366,8 +324,9 @@ class TorqueStack:
         contacts = self._contact_rows
         torque = np.array(robot.gravity())
         if len(self._passive) and contacts.forces:
-            contacts.read(np.zeros(robot.nv))
-            jacobian = self._point_jacobian(robot)
+            if contacts.read(np.zeros(robot.nv)):
+                self._motion_offsets = None  # the next problem lays its rows out anew
+            jacobian = self._native.points()
             closed = np.concatenate([np.full(c.size, c.activation > 0.0) for c in self._contacts])
             carrying = jacobian[:, self._passive].T * closed
             forces = np.linalg.lstsq(carrying, torque[self._passive], rcond=1e-9)[0]
@@ -380,7 +339,7 @@ class TorqueStack:
         return cut
 
     def _force_rows(
-        self, item: ContactForceTask | TorqueTask, torque_map: FloatArray, offset: FloatArray, n: int
+        self, item: ContactForceTask | TorqueTask, torque_map: FloatArray, offset: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Rows on x, and what they should be, of a task on forces or torques."""
         if isinstance(item, ContactForceTask):
@@ -388,6 +347,7 @@ class TorqueStack:
             if kept is None or kept[0] != item._version:
                 forces = self._contact_rows.forces
                 A, b = item.rows(self._index_of, forces)
+                n = torque_map.shape[1]
                 matrix = np.zeros((len(b), n))
                 matrix[:, n - forces :] = A
                 kept = self._kept_forces[id(item)] = item._version, matrix, b / self._force_unit
@@ -399,10 +359,10 @@ class TorqueStack:
         weight = np.broadcast_to(np.asarray(item.weight, dtype=np.float64), (d,))
         return weight[:, None] * torque_map, weight * (item.target - offset)
 
-    def _metric_on(self, robot: Robot, M: FloatArray, n: int) -> FloatArray | None:
+    def _metric_on(self, robot: Robot, M: FloatArray) -> FloatArray | None:
         if self._metric.stated is None:
             return None
-        whole = np.eye(n)
+        whole = np.eye(robot.nv + self._contact_rows.forces)
         whole[: robot.nv, : robot.nv] = M if isinstance(self._metric.stated, str) else self._metric.on(robot)
         return whole
 
@@ -458,11 +418,11 @@ class TorqueStack:
             self._contact_rows.forces,
             self._force_unit,
         )
-        self._motion_offsets, self._hard_rows = None, -1
+        self._motion_offsets = None
         self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
         self._robot = robot
 
-    def _row_names(self, robot: Robot, motion: Problem) -> list[tuple[str, str]]:
+    def _row_names(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str]]:
         """(group, row) in words of each hard row."""
         names = velocity_names(robot)
         told = [("equation of motion", names[i]) for i in self._passive]
@@ -470,8 +430,7 @@ class TorqueStack:
         for contact in self._contacts:
             faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
             told += [(contact.name, f"point {i + 1} {face}") for i in range(len(contact.points)) for face in faces]
-        namer = (motion.kept or {}).get(ROW_NAMES)
-        return told + (list(namer()) if namer is not None else [])
+        return told + self._motion._named_rows(robot, counts)
 
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = {

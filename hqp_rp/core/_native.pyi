@@ -109,6 +109,9 @@ def metric_root(metric: object) -> tuple[FloatArray, FloatArray] | None:
     R and its inverse, upper triangular, of W = R^T R; None where W (n, n) is not positive definite.
     """
 
+def is_finite(array: object) -> bool:
+    """Whether every number of an array of any shape is finite."""
+
 def instruction_set() -> str:
     """For which instruction set the kernels in use were compiled."""
 
@@ -253,15 +256,24 @@ def stop_rise(u: float, c: float, a: float, j: float) -> float:
     How far above its place the position, over dt, comes to lie while u stops; arguments of `stop_change`, j finite.
     """
 
+def torque_within(map: object, x: object, offset: object, limit: object) -> FloatArray | None:
+    """map x + offset, cut to +-limit, read-only; None where x or the torques are not finite."""
+
 class TorqueRows:
     """The rows of a torque stack on one robot."""
 
     def __init__(self, arrays: dict[str, Any], forces: int, unit: float) -> None: ...
 
-    def fill(self, matrix: object, lower: object, upper: object, M: object, h: object, cones: object, cone_lower: object, cone_upper: object, given: object, given_lower: object, given_upper: object, places: object, motion_place: int, map: object, offset: object, point_jacobian: object) -> bool:
+    def place(self, cones: object, cone_lower: object, cone_upper: object, places: object, motion_place: int, total: int) -> None:
         """
-        Fill all rows but those of tasks on forces; false where M or h is not finite.
+        Say where rows stand, and which the cones are; arrays of which nothing changes later.
         """
+
+    def rows(self, M: object, h: object, given: object, given_lower: object, given_upper: object) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray] | None:
+        """All rows but those of tasks on forces: matrix, lower, upper, map, offset, Jacobian of the points; None where M or h is not finite."""
+
+    def points(self) -> FloatArray:
+        """The Jacobian of the points alone."""
 
 def saturation_null_space(problem: object, secondary: object | None, rank_tolerance: float, optimal: bool) -> tuple[Any, ...]:
     """(x, scale of each level, finite, tried, unfinished level, missed level), -1 for no level, or two rows in conflict."""

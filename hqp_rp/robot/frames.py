@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.core import _native
+from hqp_rp.core._native import is_finite
 from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
@@ -176,8 +177,7 @@ def checked_vector(value: ArrayLike, size: int, what: str) -> FloatArray:
     vector = value if type(value) is np.ndarray and value.dtype is _FLOAT64 else np.asarray(value, dtype=np.float64)
     if vector.shape != (size,):
         raise RobotError(f"{what} has shape {vector.shape}; it must be ({size},).")
-    # The sum is quicker than a mask; only where it is not finite are the entries looked at one by one.
-    if not math.isfinite(sum(vector.tolist())) and not np.isfinite(vector).all():
+    if not is_finite(vector):
         i = int(np.flatnonzero(~np.isfinite(vector))[0])
         raise RobotError(f"{what}[{i}] is {vector[i]}; every entry must be finite.")
     return vector

@@ -47,6 +47,8 @@ from hqp_rp.robot.mujoco_surroundings import MujocoSurroundings
 _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
 _FLOAT64 = np.dtype(np.float64)
 _isfinite, _kinematics = math.isfinite, mujoco.mj_kinematics
+_velocities, _newton_euler = mujoco.mj_comVel, mujoco.mj_rne
+_inertias, _full_inertia = mujoco.mj_makeM, mujoco.mj_fullM
 
 
 class MujocoRobot(MujocoSurroundings):
@@ -113,7 +115,8 @@ class MujocoRobot(MujocoSurroundings):
 
         data = mujoco.MjData(model)
         self._data = data
-        self._qpos = data.qpos
+        self._qpos, self._qvel = data.qpos, data.qvel
+        self._rest = np.zeros(self._nv)
         self._body_pose = (data.xmat.reshape(-1, 3, 3), data.xpos)
         self._site_pose = (data.site_xmat.reshape(-1, 3, 3), data.site_xpos)
         self._begin_with(unactuated)
@@ -346,18 +349,16 @@ class MujocoRobot(MujocoSurroundings):
 
     def mass_matrix(self) -> FloatArray:
         """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""
-        self._complete()
-        mujoco.mj_makeM(self._model, self._data)
-        matrix = np.empty((self._nv, self._nv))
-        mujoco.mj_fullM(self._model, self._data, matrix)
+        if not self._is_complete:
+            self._complete()
+        matrix, model, data = np.empty((self._nv, self._nv)), self._model, self._data
+        _inertias(model, data)
+        _full_inertia(model, data, matrix)
         return matrix
 
     def gravity(self) -> FloatArray:
         """(nv,) gravity torque g(q) in M(q) a + h(q, v) + g(q) = tau, before any gravity compensation of the model."""
-        self._complete()
-        torque = np.empty(self._nv)
-        mujoco.mj_rne(self._model, self._data, 0, torque)
-        return torque
+        return self.bias(self._rest)
 
     def bias(self, v: FloatArray) -> FloatArray:
         """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau, for v (nv,): Coriolis, centrifugal and gravity torques."""
@@ -365,12 +366,9 @@ class MujocoRobot(MujocoSurroundings):
         if not self._is_complete:
             self._complete()
         torque, model, data = np.empty(self._nv), self._model, self._data
-        data.qvel[...] = velocity
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_rne(model, data, 0, torque)
-        # The private state is at rest for every other method.
-        data.qvel[...] = 0.0
-        mujoco.mj_comVel(model, data)
+        self._qvel[...] = velocity  # nothing else reads the velocity of the private state
+        _velocities(model, data)
+        _newton_euler(model, data, 0, torque)
         return torque
 
     @property

@@ -375,3 +375,51 @@ def test_a_robot_that_does_not_fit_is_refused():
         plain.dynamics(AccelerationStack([posture]).problem(robot, 0.01, np.zeros(7)))
     with pytest.raises(SettingError):
         plain.problem(robot, 0.01, np.full(7, np.nan))
+
+
+def test_rows_are_right_after_gravity_was_compensated_for_a_contact_that_has_changed():
+    robot, contacts, stack = standing()
+    v = at_work(robot, 0)
+    stack.problem(robot, 0.002, v)
+    contacts[0].friction = 0.3
+    stack.holding_torque(robot, v, 5.0)
+    found = stack.problem(robot, 0.002, v)
+    anew = TorqueStack(stack.levels, stack.limits, contacts=contacts, torque=120.0).problem(robot, 0.002, v)
+    np.testing.assert_array_equal(found.hard.A, anew.hard.A)
+    np.testing.assert_array_equal(found.matrix, anew.matrix)
+
+
+def test_targets_set_at_every_step_are_those_of_fresh_tasks():
+    robot = MujocoRobot.from_arm(sawyer())
+    rng = np.random.default_rng(3)
+    tasks = [
+        lambda p, R: hqp_rp.PoseTask("tool", (R, p), axes=["ry", "x", "z"], gain=2.0, feedforward=np.arange(6.0)),
+        lambda p, R: PositionTask("tool", p, axes="zx", weight=3.0),
+        lambda p, R: OrientationTask("tool", R, gain=3.0, feedforward=[0.1, 0.2, 0.3]),
+        lambda p, R: CenterOfMassTask(p, axes="yx", feedforward=[1.0, 2.0, 3.0]),
+    ]
+    p0, R0 = np.zeros(3), np.eye(3)
+    kept = [make(p0, R0) for make in tasks]
+    stack = AccelerationStack(kept)
+    other = MujocoRobot.from_arm(sawyer())
+    other.update(rng.normal(size=7))
+    for step in range(6):
+        robot.update(rng.normal(size=7))
+        v, p = rng.normal(size=7), rng.normal(size=3)
+        R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        R *= np.linalg.det(R)
+        for task, target in zip(kept, ((R, p), p, R, p), strict=True):
+            task.target = target
+        if step == 3:  # gains and feed-forward between targets, and another robot in between
+            kept[0].gain, kept[1].kp, kept[2].feedforward = 5.0, 7.0, [1.0, 1.0, 1.0]
+            kept[3].feedforward_acceleration = [0.5, 0.6, 0.7]
+        if step == 4:
+            AccelerationStack(kept).problem(other, 0.001, v)
+        found = stack.problem(robot, 0.001, v)
+        fresh = [make(p, R) for make in tasks]
+        if step >= 3:
+            fresh[0].gain, fresh[1].kp, fresh[2].feedforward = 5.0, 7.0, [1.0, 1.0, 1.0]
+            fresh[3].feedforward_acceleration = [0.5, 0.6, 0.7]
+        anew = AccelerationStack(fresh).problem(robot, 0.001, v)
+        np.testing.assert_array_equal(found.matrix, anew.matrix)
+        np.testing.assert_array_equal(found.lower, anew.lower)

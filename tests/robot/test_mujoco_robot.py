@@ -138,7 +138,7 @@ def test_whatever_is_asked_first_after_an_update_is_of_that_configuration(mixed,
         mujoco.mj_forward(mixed.model, data)
         fresh = MujocoRobot(mixed.model)
         fresh.update(q)
-        fresh._data = data
+        fresh._data, fresh._qvel = data, data.qvel
         fresh._is_complete = True
         np.testing.assert_array_equal(found, read(fresh))
 

@@ -37,6 +37,13 @@ inline double* numbers_in(const nb::object& array) {
   return static_cast<double*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(array.ptr())));
 }
 
+// The same numbers as a C-contiguous float64 array, the object itself where it is one; raises where there are none.
+inline nb::object as_numbers(nb::handle object) {
+  PyObject* found = PyArray_FROMANY(object.ptr(), NPY_DOUBLE, 0, 0, NPY_ARRAY_CARRAY_RO);
+  if (!found) throw nb::python_error();
+  return nb::steal(found);
+}
+
 // Its numbers, or `TypeError` with the name.
 template <class T>
 const T* required(nb::handle object, int axes, const char* name) {

@@ -142,6 +142,16 @@ void bind_objects(nb::module_& module) {
         return nb::make_tuple(root, inverse);
       },
       nb::arg("metric"), "R and its inverse, upper triangular, of W = R^T R; None where W (n, n) is not positive definite.");
+  module.def(
+      "is_finite",
+      [](nb::handle array) {
+        const nb::object numbers = as_numbers(array);
+        const double* v = numbers_in(numbers);
+        double zero = 0.0;  // zero times nan or infinity is nan
+        for (Py_ssize_t i = 0, size = PyArray_SIZE(reinterpret_cast<PyArrayObject*>(numbers.ptr())); i < size; ++i) zero += 0.0 * v[i];
+        return zero == 0.0;
+      },
+      nb::arg("array"), "Whether every number of an array of any shape is finite.");
   module.def("instruction_set", [] { return kernels().instruction_set; }, "For which instruction set the kernels in use were compiled.");
   module.def("workspace_allocations", [] { return thread_workspace().allocations(); },
              "How many blocks of memory this thread's workspace has allocated so far.");

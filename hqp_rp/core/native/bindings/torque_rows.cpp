@@ -43,33 +43,44 @@ class TorqueRowsObject {
     if (size("limit") != size("limited")) throw nb::value_error("limit and limited do not fit together.");
   }
 
-  // Fills matrix (M, n), lower and upper (M,) but for the rows of tasks on forces: the equation of motion, torque limits, cones, then the
-  // rows on accelerations, given (m, nv) and (m,), each in its place; the first place among the levels is that of the contacts' motion.
-  // Also the map (d, n) and the offset (d,) of torques and the Jacobian (forces, nv) of the points.
-  // False where M or h is not finite.
-  bool fill(nb::handle matrix, nb::handle lower, nb::handle upper, nb::handle M, nb::handle h, nb::handle cones, nb::handle cone_lower,
-            nb::handle cone_upper, nb::handle given, nb::handle given_lower, nb::handle given_upper, nb::handle places,
-            Py_ssize_t motion_place, nb::handle map, nb::handle offset, nb::handle point_jacobian) {
-    const Py_ssize_t n = rows_.nv + rows_.forces, nv = rows_.nv, total = length_of(matrix.ptr());
-    double *A = writable<double>(matrix, 2, "matrix"), *low = writable<double>(lower, 1, "lower"), *up = writable<double>(upper, 1, "upper");
-    double *T = writable<double>(map, 2, "map"), *J = writable<double>(point_jacobian, 2, "point_jacobian");
-    double* o = writable<double>(offset, 1, "offset");
+  // Where rows stand: cones (G, forces) and their bounds (G,), N; the places (m,) of rows on accelerations, among `total` rows in all, and
+  // that of the contacts' motion.
+  void place(nb::object cones, nb::object cone_lower, nb::object cone_upper, nb::object places, Py_ssize_t motion_place, Py_ssize_t total) {
+    const Py_ssize_t g = length_of(cones.ptr()), m = length_of(places.ptr());
+    cones_ = required<double>(cones, 2, "cones"), cone_lower_ = required<double>(cone_lower, 1, "cone_lower");
+    cone_upper_ = required<double>(cone_upper, 1, "cone_upper"), places_ = required<std::int64_t>(places, 1, "places");
+    bool fit = length_of(cone_lower.ptr()) == g && length_of(cone_upper.ptr()) == g && (!g || length_of(cones.ptr(), 1) == rows_.forces) &&
+               size("passive") + size("limited") + g <= total && motion_place >= 0 && motion_place + motion_rows_ <= total;
+    for (Py_ssize_t i = 0; fit && i < m; ++i) fit = places_[i] >= 0 && places_[i] < total;
+    if (!fit) throw nb::value_error("The arrays do not fit together.");
+    placed_ = nb::make_tuple(cones, cone_lower, cone_upper, places);
+    cone_rows_ = g, given_rows_ = m, motion_place_ = motion_place, total_ = total;
+  }
+
+  // matrix (M, n), lower and upper (M,) of all rows, those of tasks on forces left as they are: the equation of motion, torque limits, cones,
+  // then the rows on accelerations, given (m, nv) and (m,), each in its place; the first place among the levels is that of the contacts'
+  // motion. With them the map (d, n) and the offset (d,) of torques and the Jacobian (forces, nv) of the points.
+  // None where M or h is not finite.
+  nb::object rows(nb::handle M, nb::handle h, nb::handle given, nb::handle given_lower, nb::handle given_upper) {
+    const Py_ssize_t n = rows_.nv + rows_.forces, nv = rows_.nv;
     const double *mass = required<double>(M, 2, "M"), *bias = required<double>(h, 1, "h");
-    const double *G = required<double>(cones, 2, "cones"), *g_low = required<double>(cone_lower, 1, "cone_lower");
-    const double* g_up = required<double>(cone_upper, 1, "cone_upper");
     const double *B = required<double>(given, 2, "given"), *b_low = required<double>(given_lower, 1, "given_lower");
     const double* b_up = required<double>(given_upper, 1, "given_upper");
-    const std::int64_t* place = required<std::int64_t>(places, 1, "places");
-    const Py_ssize_t p = size("passive"), d = size("driven"), l = size("limited"), g = length_of(cones.ptr()), m = length_of(given.ptr());
-    bool fit = length_of(matrix.ptr(), 1) == n && length_of(lower.ptr()) == total && length_of(upper.ptr()) == total &&
-               length_of(M.ptr()) == nv && length_of(M.ptr(), 1) == nv && length_of(h.ptr()) == nv && length_of(map.ptr()) == d && length_of(offset.ptr()) == d &&
-               length_of(map.ptr(), 1) == n && length_of(point_jacobian.ptr()) == rows_.forces && length_of(cone_lower.ptr()) == g &&
-               length_of(cone_upper.ptr()) == g && (!g || length_of(cones.ptr(), 1) == rows_.forces) && (!m || length_of(given.ptr(), 1) == nv) &&
-               length_of(given_lower.ptr()) == m && length_of(given_upper.ptr()) == m && length_of(places.ptr()) == m &&
-               p + l + g <= total && motion_place + motion_rows_ <= total && motion_place >= 0;
-    for (Py_ssize_t i = 0; fit && i < m; ++i) fit = place[i] >= 0 && place[i] < total;
+    const Py_ssize_t p = size("passive"), d = size("driven"), l = size("limited"), g = cone_rows_, m = given_rows_;
+    const bool fit = length_of(M.ptr()) == nv && length_of(M.ptr(), 1) == nv && length_of(h.ptr()) == nv && length_of(given.ptr()) == m &&
+                     (!m || length_of(given.ptr(), 1) == nv) && length_of(given_lower.ptr()) == m && length_of(given_upper.ptr()) == m;
     if (!fit) throw nb::value_error("The arrays do not fit together.");
-    std::memset(A, 0, sizeof(double) * static_cast<std::size_t>(total * n));
+    const nb::object matrix = new_array({total_, n}), lower = new_array({total_}), upper = new_array({total_}), map = new_array({d, n});
+    const nb::object offset = new_array({d}), point_jacobian = new_array({rows_.forces, nv});
+    double *A = numbers_in(matrix), *low = numbers_in(lower), *up = numbers_in(upper), *T = numbers_in(map), *o = numbers_in(offset);
+    double* J = numbers_in(point_jacobian);
+    const double *G = cones_, *g_low = cone_lower_, *g_up = cone_upper_;
+    const std::int64_t* place = places_;
+    const Py_ssize_t motion_place = motion_place_;
+    const auto zeros = [&](Py_ssize_t row, Py_ssize_t first, Py_ssize_t count) {
+      std::memset(A + row * n + first, 0, sizeof(double) * static_cast<std::size_t>(count));
+    };
+    for (Py_ssize_t i = 0; i < motion_rows_; ++i) zeros(motion_place + i, 0, n);
     for (std::size_t c = 0; c < rows_.contacts.size(); ++c) rows_.contacts[c].kd = kd_[c], rows_.contacts[c].open = activation_[c] == 0.0;
     rows_.contact_rows(J, A + motion_place * n, low + motion_place, n);
     for (int i = 0; i < motion_rows_; ++i) up[motion_place + i] = low[motion_place + i];
@@ -83,11 +94,13 @@ class TorqueRowsObject {
       up[p + i] = limit_[i] - bias[limited_[i]];
     }
     for (Py_ssize_t i = 0; i < g; ++i) {
+      zeros(p + l + i, 0, nv);
       std::memcpy(A + (p + l + i) * n + nv, G + i * rows_.forces, sizeof(double) * static_cast<std::size_t>(rows_.forces));
       low[p + l + i] = g_low[i] / rows_.unit;
       up[p + l + i] = g_up[i] / rows_.unit;
     }
     for (Py_ssize_t i = 0; i < m; ++i) {
+      zeros(place[i], nv, rows_.forces);
       std::memcpy(A + place[i] * n, B + i * nv, sizeof(double) * static_cast<std::size_t>(nv));
       low[place[i]] = b_low[i];
       up[place[i]] = b_up[i];
@@ -95,7 +108,16 @@ class TorqueRowsObject {
     double finite = 0.0;  // zero times nan or infinity is nan
     for (Py_ssize_t i = 0; i < nv * nv; ++i) finite += 0.0 * mass[i];
     for (Py_ssize_t i = 0; i < nv; ++i) finite += 0.0 * bias[i];
-    return finite == 0.0;
+    if (!(finite == 0.0)) return nb::none();
+    return nb::make_tuple(matrix, lower, upper, map, offset, point_jacobian);
+  }
+
+  // The Jacobian (forces, nv) of the points alone.
+  nb::object points() {
+    const nb::object jacobian = new_array({rows_.forces, rows_.nv});
+    std::vector<double> motion(static_cast<std::size_t>(motion_rows_) * rows_.nv), rate(static_cast<std::size_t>(motion_rows_));
+    rows_.contact_rows(numbers_in(jacobian), motion.data(), rate.data(), rows_.nv);
+    return jacobian;
   }
 
  private:
@@ -106,6 +128,10 @@ class TorqueRowsObject {
   Py_ssize_t size(const char* name) { return length_of(nb::object(kept_[name]).ptr()); }
 
   nb::dict kept_;
+  nb::tuple placed_;
+  const double *cones_ = nullptr, *cone_lower_ = nullptr, *cone_upper_ = nullptr;
+  const std::int64_t* places_ = nullptr;
+  Py_ssize_t cone_rows_ = 0, given_rows_ = 0, motion_place_ = 0, total_ = 0;
   TorqueRows rows_;
   int motion_rows_ = 0;
   const double *kd_ = nullptr, *activation_ = nullptr, *limit_ = nullptr;
@@ -114,13 +140,42 @@ class TorqueRowsObject {
 
 }  // namespace
 
+// map x + offset, cut to the limits, read-only; None where x or the torques are not finite.
+static nb::object torque_within(nb::handle map, nb::handle x, nb::handle offset, nb::handle limit) {
+  const nb::object given = as_numbers(x);
+  const double *T = required<double>(map, 2, "map"), *unknown = required<double>(given, 1, "x");
+  const double *o = required<double>(offset, 1, "offset"), *most = required<double>(limit, 1, "limit");
+  const Py_ssize_t d = length_of(map.ptr()), n = length_of(map.ptr(), 1);
+  if (length_of(given.ptr()) != n || length_of(offset.ptr()) != d || length_of(limit.ptr()) != d)
+    throw nb::value_error("The arrays do not fit together.");
+  nb::object torque = new_array({d});
+  double *tau = numbers_in(torque), zero = 0.0;
+  for (Py_ssize_t j = 0; j < n; ++j) zero += 0.0 * unknown[j];
+  for (Py_ssize_t i = 0; i < d; ++i) {
+    double part[8] = {o[i]};  // sums that do not wait for one another
+    Py_ssize_t j = 0;
+    for (; j + 8 <= n; j += 8)
+      for (int k = 0; k < 8; ++k) part[k] += T[i * n + j + k] * unknown[j + k];
+    for (; j < n; ++j) part[0] += T[i * n + j] * unknown[j];
+    const double sum = ((part[0] + part[4]) + (part[1] + part[5])) + ((part[2] + part[6]) + (part[3] + part[7]));
+    zero += 0.0 * sum;
+    tau[i] = sum > most[i] ? most[i] : sum < -most[i] ? -most[i] : sum;
+  }
+  if (!(zero == 0.0)) return nb::none();
+  PyArray_CLEARFLAGS(reinterpret_cast<PyArrayObject*>(torque.ptr()), NPY_ARRAY_WRITEABLE);
+  return torque;
+}
+
 void bind_torque_rows(nb::module_& module) {
+  module.def("torque_within", &torque_within, nb::arg("map"), nb::arg("x"), nb::arg("offset"), nb::arg("limit"),
+             "map x + offset, cut to +-limit, read-only; None where x or the torques are not finite.");
   nb::class_<TorqueRowsObject>(module, "TorqueRows", "The rows of a torque stack on one robot.")
       .def(nb::init<nb::dict, int, double>(), nb::arg("arrays"), nb::arg("forces"), nb::arg("unit"))
-      .def("fill", &TorqueRowsObject::fill, nb::arg("matrix"), nb::arg("lower"), nb::arg("upper"), nb::arg("M"), nb::arg("h"),
-           nb::arg("cones"), nb::arg("cone_lower"), nb::arg("cone_upper"), nb::arg("given"), nb::arg("given_lower"), nb::arg("given_upper"),
-           nb::arg("places"), nb::arg("motion_place"), nb::arg("map"), nb::arg("offset"), nb::arg("point_jacobian"),
-           "Fill all rows but those of tasks on forces; false where M or h is not finite.");
+      .def("place", &TorqueRowsObject::place, nb::arg("cones"), nb::arg("cone_lower"), nb::arg("cone_upper"), nb::arg("places"),
+           nb::arg("motion_place"), nb::arg("total"), "Say where rows stand, and which the cones are; arrays of which nothing changes later.")
+      .def("rows", &TorqueRowsObject::rows, nb::arg("M"), nb::arg("h"), nb::arg("given"), nb::arg("given_lower"), nb::arg("given_upper"),
+           "All rows but those of tasks on forces: matrix, lower, upper, map, offset, Jacobian of the points; None where M or h is not finite.")
+      .def("points", &TorqueRowsObject::points, "The Jacobian of the points alone.");
 }
 
 }  // namespace hqp::python
