@@ -109,6 +109,9 @@ def metric_root(metric: object) -> tuple[FloatArray, FloatArray] | None:
     R and its inverse, upper triangular, of W = R^T R; None where W (n, n) is not positive definite.
     """
 
+def damped_least_squares(A: object, b: object, eta: float) -> FloatArray:
+    """x (n,) of min ||A x - b||^2 + ||eta x||^2 for A (m, n)."""
+
 def is_finite(array: object) -> bool:
     """Whether every number of an array of any shape is finite."""
 

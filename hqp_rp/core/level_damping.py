@@ -34,7 +34,7 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
-from hqp_rp.core.diagnostics import norm, remaining, row_norms, two_norm, violation
+from hqp_rp.core.diagnostics import norm, remaining, row_norms, two_norm
 from hqp_rp.core.level import FloatArray, IntArray, Level
 from hqp_rp.core.problem import Problem
 from hqp_rp.core.solution import Solution, Status
@@ -55,10 +55,14 @@ def damping_rows(problem: Problem) -> DampingRows:
     """The rows that the problem's policies put beside its levels."""
     rows, rhs = [], []
     for k, policy in _policies(problem):
-        D = np.zeros((0, problem.n)) if policy is None else _rows(problem, k, policy)
+        if policy is None:
+            rows.append(np.zeros((0, problem.n)))
+            rhs.append(np.zeros(0))
+            continue
+        D = _rows(problem, k, policy)
         rows.append(D)
         below = len(D) and isinstance(policy, ErrorDamping) and policy.toward == "below"
-        rhs.append(D @ _asked_below(problem, k, D) if below else np.zeros(len(D)))
+        rhs.append(_asked_below(problem, k, float(D[0, 0])) if below else np.zeros(len(D)))
     offsets = np.zeros(problem.p + 1, dtype=np.int64)
     np.cumsum([len(D) for D in rows], out=offsets[1:])
     return DampingRows(np.ascontiguousarray(np.concatenate(rows)), np.concatenate(rhs), offsets)
@@ -254,12 +258,14 @@ def _policies(problem: Problem) -> Iterator[tuple[int, LevelDamping | None]]:
 
 def _rows(problem: Problem, k: int, policy: LevelDamping) -> FloatArray:
     """D_k (r, n)."""
-    level = problem.levels[k]
     if isinstance(policy, ConstantDamping):
         return _times_identity(policy.factor, problem.n)
     if isinstance(policy, ErrorDamping):
-        error = norm(violation(level, np.zeros(problem.n)))
+        _, lower, upper, offsets = problem.stacked
+        own = slice(int(offsets[k]), int(offsets[k + 1]))
+        error = norm(np.clip(0.0, lower[own], upper[own]))
         return _times_identity(np.sqrt(policy.factor * error**policy.power), problem.n)
+    level = problem.levels[k]
     if not level.m:
         return np.zeros((0, problem.n))
     N = _freedom(problem, k)
@@ -276,16 +282,18 @@ def _rows(problem: Problem, k: int, policy: LevelDamping) -> FloatArray:
     return np.zeros((0, problem.n))
 
 
-def _asked_below(problem: Problem, k: int, D: FloatArray) -> FloatArray:
-    """zeta_k (n,): what the equality rows of the levels below k ask for together, ||A_j x - b_j||^2 summed and ||D_k x||^2."""
+def _asked_below(problem: Problem, k: int, eta: float) -> FloatArray:
+    """eta zeta_k (n,), zeta_k what the equality rows of the levels below k ask for together: the minimizer of their
+    ||A_j x - b_j||^2, summed, and ||eta x||^2."""
     matrix, lower, upper, offsets = problem.stacked
     below = slice(int(offsets[k + 1]), len(matrix))
     equality = lower[below] == upper[below]
-    A, b = matrix[below][equality], lower[below][equality]
+    A, b = matrix[below], lower[below]
+    if not equality.all():
+        A, b = A[equality], b[equality]
     if not len(A):
         return np.zeros(problem.n)
-    found = np.linalg.lstsq(np.concatenate((A, D)), np.concatenate((b, np.zeros(len(D)))), rcond=None)[0]
-    return np.asarray(found, dtype=np.float64)
+    return eta * _native.damped_least_squares(np.ascontiguousarray(A), np.ascontiguousarray(b), eta)
 
 
 def _freedom(problem: Problem, k: int) -> FloatArray:

@@ -143,6 +143,17 @@ void bind_objects(nb::module_& module) {
       },
       nb::arg("metric"), "R and its inverse, upper triangular, of W = R^T R; None where W (n, n) is not positive definite.");
   module.def(
+      "damped_least_squares",
+      [](nb::handle A, nb::handle b, double eta) {
+        const double *matrix = required<double>(A, 2, "A"), *right = required<double>(b, 1, "b");
+        const auto m = static_cast<int>(length_of(A.ptr())), n = static_cast<int>(length_of(A.ptr(), 1));
+        if (length_of(b.ptr()) != m || !(eta > 0.0)) throw nb::value_error("A, b and eta > 0 do not fit together.");
+        nb::object x = new_array({n});
+        kernels().damped_least_squares(matrix, right, m, n, eta, numbers_in(x), thread_workspace());
+        return x;
+      },
+      nb::arg("A"), nb::arg("b"), nb::arg("eta"), "x (n,) of min ||A x - b||^2 + ||eta x||^2 for A (m, n).");
+  module.def(
       "is_finite",
       [](nb::handle array) {
         const nb::object numbers = as_numbers(array);

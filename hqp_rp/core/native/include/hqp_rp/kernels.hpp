@@ -56,6 +56,8 @@ struct Kernels {
   void (*serial_arm)(const SerialArm&, const double* Q, std::int64_t N, int frame, double* rotations, double* origins, double* jacobians,
                      Workspace&);
   bool (*saturation)(SaturationCall&, Workspace&);  // false: not finite
+  // x (n,) of min ||A x - b||^2 + ||eta x||^2 for A (m, n), eta > 0.
+  void (*damped_least_squares)(const double* A, const double* b, int m, int n, double eta, double* x, Workspace&);
   void (*null_space_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
   void (*reverse_priority_batch)(const Batch&, double rank_tolerance, const Damping&, Workspace&);
 };

@@ -17,6 +17,7 @@ const Kernels table{
     .polish = call_polish,
     .serial_arm = call_serial_arm,
     .saturation = call_saturation,
+    .damped_least_squares = call_damped_least_squares,
     .null_space_batch = call_null_space_batch,
     .reverse_priority_batch = call_reverse_priority_batch,
 };

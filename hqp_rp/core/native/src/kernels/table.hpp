@@ -25,6 +25,8 @@ void call_serial_arm(const SerialArm&, const double*, std::int64_t, int, double*
 
 bool call_saturation(SaturationCall&, Workspace&);
 
+void call_damped_least_squares(const double*, const double*, int, int, double, double*, Workspace&);
+
 // Calls with a width known to the compiler where rows fit one lane.
 template <class Function>
 HQP_INLINE auto with_width(int n, Function function) {
