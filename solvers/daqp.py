@@ -161,7 +161,7 @@ class Daqp(Solver):
         if problem.metric is not None:
             return solve_in_metric(problem, secondary, self.solve)
         if problem.damping is not None:
-            return solve_damped(problem, secondary, self.solve)
+            return solve_damped(problem, secondary, self.solve, tolerance=self.tolerance)
         solution = self._solve(problem, secondary)
         if solution.status is Status.INACCURATE and self.second_try:
             rho, tol = (self.rho / 100.0, 1.0) if solution.x is not None else (self.rho * 10.0, 10.0)

@@ -9,10 +9,10 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm
-from hqp_rp.core.damping import ConstantDamping, NoDamping
-from hqp_rp.core.errors import unknown_name
+from hqp_rp.core.damping import ConstantDamping, Damping, NoDamping, NumericalFiltering, Truncation
+from hqp_rp.core.errors import SettingError, unknown_name
 from hqp_rp.core.problem import FloatArray, IntArray
-from hqp_rp.core.stacked import Loaded, by_rank, load, pinv, pinv_times, range_projector, two_norms
+from hqp_rp.core.stacked import Loaded, by_rank, damping_factors, load, pinv, pinv_times, range_projector, two_norms
 
 FORMS = ("columns", "projector")
 PLACES = ("t_k", "everywhere")
@@ -41,6 +41,15 @@ def equation_22(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> F
         P = T_k @ np.linalg.pinv(T_k, rcond=1e-10)
         x = x + np.linalg.pinv(J[k] @ P, rcond=1e-10) @ (b[k] - J[k] @ x)
     return x
+
+
+def require_whole(damping: Damping, remedy: str) -> None:
+    """Raises `SettingError` for a policy that T_k cannot be damped by."""
+    if isinstance(damping, NumericalFiltering):
+        raise SettingError(
+            f"damping is {damping!r}, which damps one direction of a pseudo-inverse, and T_k is regularized as a whole; "
+            f"{remedy}."
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -77,6 +86,8 @@ class ReversePriority(ClosedForm):
             raise unknown_name("form of reverse_priority", self.form, FORMS)
         if self.damp not in PLACES:
             raise unknown_name("place to damp in reverse_priority", self.damp, PLACES)
+        if self.damp == "t_k":
+            require_whole(self.damping, "give damp='everywhere', or VariableDamping(delta, maximum)")
 
     def native(self) -> _native.ClosedForm | None:
         if self.form == "projector" or (self.damp == "everywhere" and self.damping.kind != 0):
@@ -125,22 +136,20 @@ class ReversePriority(ClosedForm):
         t = given.b[k] - np.einsum("nij,nj->ni", given.J[k], x)
         weights, unit = given.weights(k), given.unit(k)
         lower = np.concatenate([*given.J[k + 1 :], np.zeros((len(x), 0, n))], axis=1)
-        kind, (first, second) = self.damping.kind, self.damping.parameters
+        policy = self.damping
         spans = [(np.arange(len(x)), np.broadcast_to(np.eye(n), (len(x), n, n)))]
-        factor = first * unit if kind == 1 else np.zeros(len(x))
-        if kind > 1:
+        factor = damping_factors(np.zeros((len(x), 0)), policy, unit, True)[:, 0]
+        if policy.kind not in (NoDamping.kind, ConstantDamping.kind):
             weighted = np.concatenate((given.J[k], lower), axis=1) * weights[:, :, None]
             sigma = np.linalg.svd(weighted, compute_uv=False)
-            if kind == 2:
-                ratio = sigma[:, -1] / (first * unit)
-                damped = np.sqrt(np.maximum((1.0 - ratio) * (1.0 + ratio), 0.0)) * second * unit
-                factor = np.where(ratio >= 1.0, 0.0, damped)
-            else:
+            if isinstance(policy, Truncation):
                 spans = [
                     (own, np.swapaxes(Vt[:, :kept], 1, 2))
-                    for own, kept, _, _, Vt in by_rank(weighted, first * unit, np.arange(len(x)))
+                    for own, kept, _, _, Vt in by_rank(weighted, policy.threshold * unit, np.arange(len(x)))
                     if kept
                 ]
+            else:
+                factor = damping_factors(sigma, policy, unit, True)[:, 0]
         m = given.J[k].shape[1]
         for which, V in spans:
             J, B = given.J[k][which] @ V, lower[which] @ V
@@ -155,9 +164,9 @@ class ReversePriority(ClosedForm):
                     BZ, BY = B[own] @ Z, B[own] @ Y
                     cut = self.rank_tolerance * two_norms(B[own]) * D.min(axis=(1, 2))
                     alone = factor[which[own]]
-                    policy = ConstantDamping(1.0) if alone.any() else NoDamping()
+                    by = ConstantDamping(1.0) if alone.any() else NoDamping()
                     small = np.where(alone > 0.0, -1.0, cut)
-                    T = Y - Z @ (pinv(D * BZ, small, policy, alone) @ (D * BY))
+                    T = Y - Z @ (pinv(D * BZ, small, by, alone) @ (D * BY))
                 P = np.linalg.qr(T)[0]
                 restricted = np.einsum("nij,njr->nir", J[own], P)
                 answer = pinv_times(restricted, t[which[own]], zero[own], NoDamping())

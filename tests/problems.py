@@ -10,7 +10,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp import ConstantDamping, ErrorDamping, Level, Problem, Truncation, VariableDamping
+from hqp_rp import (
+    ConstantDamping,
+    ErrorDamping,
+    Level,
+    ManipulabilityDamping,
+    NumericalFiltering,
+    Problem,
+    Truncation,
+    VariableDamping,
+)
 
 Array = NDArray[np.float64]
 
@@ -19,6 +28,8 @@ POLICIES = (
     ErrorDamping(0.05),
     VariableDamping(0.8, 0.3),
     Truncation(0.4),
+    ManipulabilityDamping(2.0, 0.4),
+    NumericalFiltering(0.8, 0.3),
     ErrorDamping(0.1, power=1),
     ErrorDamping(0.05, toward="rest"),
     None,

@@ -8,7 +8,15 @@ import importlib
 import inspect
 from typing import Any
 
-from hqp_rp.core.damping import ConstantDamping, Damping, NoDamping, Truncation, VariableDamping
+from hqp_rp.core.damping import (
+    ConstantDamping,
+    Damping,
+    ManipulabilityDamping,
+    NoDamping,
+    NumericalFiltering,
+    Truncation,
+    VariableDamping,
+)
 from hqp_rp.core.errors import SettingError, unknown_name, unknown_setting
 from hqp_rp.core.solver import Solver, all_solvers, get_solver
 
@@ -17,6 +25,8 @@ _POLICIES: dict[str, type[Damping]] = {
     "constant": ConstantDamping,
     "variable": VariableDamping,
     "truncation": Truncation,
+    "manipulability": ManipulabilityDamping,
+    "filtering": NumericalFiltering,
 }
 
 
@@ -24,7 +34,8 @@ def parse_contestant(text: str) -> Solver:
     """The solver that `name` or `name:key=value,key=value` stands for; in place of a name also `package.module:Class`.
 
     Values are read by the type of the setting's default: numbers, true / false, words, lists of numbers, and damping
-    policies as they are printed: none, constant(0.1), variable(delta=0.1, maximum=0.1), truncation(0.01).
+    policies as they are printed: none, constant(0.1), variable(delta=0.1, maximum=0.1), truncation(0.01),
+    manipulability(threshold=0.01, maximum=0.1), filtering(delta=0.1, maximum=0.1).
 
     Raises:
         UnknownNameError: no such solver or damping policy; the message lists the ones there are.
@@ -85,7 +96,7 @@ def _split(text: str, whole: str) -> list[str]:
 
 
 def _value(default: object, text: str, what: str) -> object:
-    if isinstance(default, NoDamping | ConstantDamping | VariableDamping | Truncation):
+    if isinstance(default, Damping):
         return _damping(text, what)
     if isinstance(default, bool):
         if text.lower() not in ("true", "false"):

@@ -17,7 +17,15 @@ from hqp_rp.control._checks import WORLD, check_frames, frame_point
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control.center_of_mass_task import center_of_mass
 from hqp_rp.control.stack import Stack
-from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
+from hqp_rp.core.damping import (
+    ConstantDamping,
+    ErrorDamping,
+    LevelDamping,
+    ManipulabilityDamping,
+    NumericalFiltering,
+    Truncation,
+    VariableDamping,
+)
 from hqp_rp.core.errors import FileError, HqpError, SettingError, unknown_name, unknown_setting
 from hqp_rp.core.paths import user_path
 from hqp_rp.robot.robot import Robot
@@ -61,6 +69,8 @@ _DAMPING: dict[str, Any] = {
     "error": ErrorDamping,
     "variable": VariableDamping,
     "truncation": Truncation,
+    "manipulability": ManipulabilityDamping,
+    "filtering": NumericalFiltering,
 }
 
 

@@ -97,6 +97,67 @@ class Truncation:
 
 
 @dataclasses.dataclass(frozen=True)
+class ManipulabilityDamping:
+    """`sigma_i / (sigma_i^2 + lambda)`, lambda = maximum^2 (1 - w / threshold)^2 where w < threshold, else 0.
+
+    w is the manipulability sqrt(det(A A^T)), the product of all singular values (of a matrix with more rows than columns, of
+    those that it can have). Unlike the smallest singular value it depends on units and on how many rows there are: a threshold
+    serves one kind of matrix.
+
+    Args:
+        threshold: w_0 > 0, in the unit of the matrix to the power of its rank.
+        maximum: >= 0, in the unit of the matrix; the paper's lambda_0 is its square.
+
+    Source: Nakamura and Hanafusa 1986; Yoshikawa 1985 for w.
+    """
+
+    threshold: float
+    maximum: float
+    kind: ClassVar[int] = 5
+
+    def __post_init__(self) -> None:
+        _require("threshold", self.threshold, 0.0, strict=True)
+        _require("maximum", self.maximum, 0.0)
+
+    @property
+    def parameters(self) -> tuple[float, float]:
+        return (float(self.threshold), float(self.maximum))
+
+    def __repr__(self) -> str:
+        return f"manipulability(threshold={self.threshold:g}, maximum={self.maximum:g})"
+
+
+@dataclasses.dataclass(frozen=True)
+class NumericalFiltering:
+    """Numerical filtering: the last singular direction alone is damped, `1/sigma_i` for all others.
+
+    `sigma_m / (sigma_m^2 + beta^2)` with beta^2 = (1 - (sigma_m / delta)^2) maximum^2 where sigma_m < delta, else 0: what
+    J^T (J J^T + beta^2 u_m u_m^T)^-1 is. The task is missed in that direction only; where two singular values are small the
+    second is not damped.
+
+    Args:
+        delta: > 0. maximum: beta_max >= 0. Both in the unit of the matrix that is inverted.
+
+    Source: Maciejewski and Klein 1988; Chiaverini 1997, who adds a small isotropic damping, here none.
+    """
+
+    delta: float
+    maximum: float
+    kind: ClassVar[int] = 6
+
+    def __post_init__(self) -> None:
+        _require("delta", self.delta, 0.0, strict=True)
+        _require("maximum", self.maximum, 0.0)
+
+    @property
+    def parameters(self) -> tuple[float, float]:
+        return (float(self.delta), float(self.maximum))
+
+    def __repr__(self) -> str:
+        return f"filtering(delta={self.delta:g}, maximum={self.maximum:g})"
+
+
+@dataclasses.dataclass(frozen=True)
 class ErrorDamping:
     """mu ||x - zeta||^2, mu = factor * |e|^power, for a level of which x = 0 misses its rows by e: none at the target.
 
@@ -136,22 +197,24 @@ class ErrorDamping:
         return f"error({self.factor:g}{power})" if self.toward == "below" else f"error({self.factor:g}{power}, rest)"
 
 
-Damping: TypeAlias = NoDamping | ConstantDamping | VariableDamping | Truncation
+Damping: TypeAlias = (
+    NoDamping | ConstantDamping | VariableDamping | Truncation | ManipulabilityDamping | NumericalFiltering
+)
 """Of a closed form."""
 
-LevelDamping: TypeAlias = NoDamping | ConstantDamping | VariableDamping | Truncation | ErrorDamping
+LevelDamping: TypeAlias = Damping | ErrorDamping
 """Of one level of a problem; see `hqp_rp.core.level_damping`."""
 
 
 def checked_damping(damping: object) -> Damping:
     """`damping` itself; raises `SettingError` when it is no damping policy."""
-    if isinstance(damping, NoDamping | ConstantDamping | VariableDamping | Truncation):
+    if isinstance(damping, Damping):
         return damping
     if isinstance(damping, ErrorDamping):
         raise SettingError(f"damping is {damping!r}, which is of one level: Level(..., damping={damping!r}).")
     raise SettingError(
-        f"damping is {damping!r}; give NoDamping(), ConstantDamping(factor), VariableDamping(delta, maximum) or "
-        "Truncation(threshold)."
+        f"damping is {damping!r}; give NoDamping(), ConstantDamping(factor), VariableDamping(delta, maximum), "
+        "Truncation(threshold), ManipulabilityDamping(threshold, maximum) or NumericalFiltering(delta, maximum)."
     )
 
 
@@ -159,27 +222,29 @@ def checked_level_damping(damping: object, what: str = "damping") -> LevelDampin
     """`damping` itself, None for none; raises `SettingError` when it is no policy of a level."""
     if damping is None or isinstance(damping, NoDamping):
         return None
-    if isinstance(damping, ConstantDamping | VariableDamping | Truncation | ErrorDamping):
+    if isinstance(damping, LevelDamping):
         return damping
     raise SettingError(
-        f"{what} is {damping!r}; give None, ConstantDamping(factor), ErrorDamping(factor), VariableDamping(delta, maximum) "
-        "or Truncation(threshold)."
+        f"{what} is {damping!r}; give None, ConstantDamping(factor), ErrorDamping(factor), VariableDamping(delta, maximum), "
+        "Truncation(threshold), ManipulabilityDamping(threshold, maximum) or NumericalFiltering(delta, maximum)."
     )
 
 
 def damping_of(kind: int, parameters: tuple[float, float]) -> LevelDamping | None:
     """The policy of this kind with these parameters, None for kind 0: the inverse of `kind` and `parameters`."""
-    if kind not in range(ErrorDamping.kind + 1):
-        raise SettingError(f"damping of kind {kind!r}; kinds are 0 to {ErrorDamping.kind}.")
     first, second = parameters
+    if kind == NoDamping.kind:
+        return None
     if kind == ErrorDamping.kind:
         power, rest = divmod(int(second), 2)
         return ErrorDamping(first, power, "rest" if rest else "below")
-    if kind == VariableDamping.kind:
-        return VariableDamping(first, second)
-    if kind == Truncation.kind:
-        return Truncation(first)
-    return ConstantDamping(first) if kind == ConstantDamping.kind else None
+    for one in (ConstantDamping, Truncation):
+        if kind == one.kind:
+            return one(first)
+    for two in (VariableDamping, ManipulabilityDamping, NumericalFiltering):
+        if kind == two.kind:
+            return two(first, second)
+    raise SettingError(f"damping of kind {kind!r}; kinds are 0 to {NumericalFiltering.kind}.")
 
 
 def _require(name: str, value: float, least: float, *, strict: bool = False) -> None:

@@ -10,6 +10,8 @@ with v_k its violation, D_k from its policy, and zeta_k = 0 but for `ErrorDampin
     ErrorDamping(c, power)          D_k = sqrt(mu) I, mu = c ||v_k(0)||^power; zeta_k is what the levels below ask for
     VariableDamping(delta, maximum) D_k = lambda_0 I by (18)-(19), of the smallest singular value of A_k N_k
     Truncation(threshold)           D_k = 1e3 ||A_k|| V^T, V the right singular vectors of A_k N_k at or below the threshold
+    ManipulabilityDamping(w_0, ...) D_k = eta I, eta of the product of the singular values of A_k N_k
+    NumericalFiltering(delta, ...)  D_k = beta v^T, v the right singular vector of the smallest singular value of A_k N_k
 
 N_k spans the null space of the equality rows of earlier levels and of the hard rows: a policy looks at what the problem states,
 not at which limits happen to be active. The levels after it then keep what its rows reached: an equality row, or a row that was
@@ -33,11 +35,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hqp_rp.core import _native
-from hqp_rp.core.damping import ConstantDamping, ErrorDamping, LevelDamping, Truncation, VariableDamping
+from hqp_rp.core.damping import (
+    ConstantDamping,
+    ErrorDamping,
+    LevelDamping,
+    ManipulabilityDamping,
+    NumericalFiltering,
+    Truncation,
+    VariableDamping,
+)
 from hqp_rp.core.diagnostics import norm, remaining, row_norms, two_norm
 from hqp_rp.core.level import FloatArray, IntArray, Level
 from hqp_rp.core.problem import Problem
 from hqp_rp.core.solution import Solution, Status
+from hqp_rp.core.stacked import damping_factors
 from hqp_rp.core.tolerances import RANK, REACHED, TRUNCATED
 
 Solve = Callable[[Problem, FloatArray | None], Solution]
@@ -68,17 +79,21 @@ def damping_rows(problem: Problem) -> DampingRows:
     return DampingRows(np.ascontiguousarray(np.concatenate(rows)), np.concatenate(rhs), offsets)
 
 
-def solve_damped(problem: Problem, secondary: FloatArray | None, solve: Solve) -> Solution:
+def solve_damped(
+    problem: Problem, secondary: FloatArray | None, solve: Solve, *, tolerance: float = REACHED
+) -> Solution:
     """The answer to a problem with damping by a solver of problems without: one solve more for each damped level.
 
     Args:
         problem: with damping. secondary: (n,) or None, as `Solver.solve` has it.
-        solve: solves a problem without damping, exactly; it is also told of the steps between.
+        solve: solves a problem without damping; it is also told of the steps between.
+        tolerance: relative, of `solve`: a row that it misses by less is met, and not kept where it is as one that had to be
+            violated.
 
     What `solve` could not solve on the way ends it: its status and message come back, with no x.
     """
     iterations, doubt = 0, ""
-    reached = _Reached(problem)
+    reached = _Reached(problem, tolerance=tolerance)
     for k, found in reached.steps(solve):
         iterations += found.iterations
         if found.x is None or found.status not in (Status.SOLVED, Status.INACCURATE):
@@ -158,9 +173,9 @@ class _Reached:
     was damped, no rounding error is divided by it later. Rows that it met stay as they were.
     """
 
-    def __init__(self, problem: Problem, band: float = 0.0) -> None:
+    def __init__(self, problem: Problem, band: float = 0.0, tolerance: float = REACHED) -> None:
         self.damped = problem
-        self.band = band
+        self.band, self.tolerance = band, tolerance
         self.Z = np.eye(problem.n)
         matrix, lower, upper, offsets = problem.stacked
         self.rows = [
@@ -223,7 +238,7 @@ class _Reached:
         value = A @ x
         nearest = np.clip(value, lower, upper)
         reach = row_norms(A) * norm(x) + np.abs(nearest)
-        fixed = (lower == upper) | (np.abs(value - nearest) > REACHED * reach)
+        fixed = (lower == upper) | (np.abs(value - nearest) > self.tolerance * reach)
         basis = np.zeros((0, len(x)))
         if fixed.any() and self.Z.shape[1]:
             free = self.Z
@@ -273,9 +288,11 @@ def _rows(problem: Problem, k: int, policy: LevelDamping) -> FloatArray:
         return np.zeros((0, problem.n))
     size = two_norm(level.A)
     _, sigma, Vt = np.linalg.svd(level.A @ N, full_matrices=False)
-    if isinstance(policy, VariableDamping):
-        ratio = float(sigma[-1]) / policy.delta
-        return _times_identity(np.sqrt(max(0.0, (1.0 - ratio) * (1.0 + ratio))) * policy.maximum, problem.n)
+    if isinstance(policy, VariableDamping | ManipulabilityDamping | NumericalFiltering):
+        factor = float(damping_factors(sigma[None], policy, np.ones(1), True)[0, 0])
+        if not isinstance(policy, NumericalFiltering):
+            return _times_identity(factor, problem.n)
+        return factor * (Vt[-1:] @ N.T) if factor > 0.0 else np.zeros((0, problem.n))
     if isinstance(policy, Truncation):
         small = (sigma <= policy.threshold) & (sigma > RANK * size)
         return TRUNCATED * size * (Vt[small] @ N.T)

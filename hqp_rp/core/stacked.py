@@ -7,12 +7,19 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp.core.damping import Damping
+from hqp_rp.core.damping import (
+    ConstantDamping,
+    Damping,
+    ManipulabilityDamping,
+    NumericalFiltering,
+    Truncation,
+    VariableDamping,
+)
 from hqp_rp.core.problem import FloatArray, IntArray
 
 _LARGEST_RATIO = 2.0**50  # levels further apart in size than this weigh as this: the difference is below rounding error
@@ -75,23 +82,40 @@ def two_norms(A: FloatArray) -> FloatArray:
     return norms
 
 
-def damped_inverses(sigma: FloatArray, zero: FloatArray, damping: Damping, unit: FloatArray, full: bool) -> FloatArray:
-    """What the policy puts for 1 / sigma (N, r), falling; 0 for sigma <= zero (N,). Equations (15), (17), (18)-(19).
+def damping_factors(sigma: NDArray[np.floating[Any]], damping: Damping, unit: FloatArray, full: bool) -> FloatArray:
+    """(N, 1) eta of sigma / (sigma^2 + eta^2) for singular values (N, r), falling; of filtering that of the last one.
 
     unit: (N,) what the matrices were multiplied by: a policy's numbers are in the given rows' unit. full: whether all
     singular values are there, so that the last one is sigma_m of (19).
     """
-    first, second = (value * unit[:, None] for value in damping.parameters)
+    scale = unit[:, None]
+    first, second = damping.parameters
+    kind = damping.kind
+    if kind == ConstantDamping.kind:
+        return first * scale
+    if kind in (VariableDamping.kind, NumericalFiltering.kind):
+        ratio = (sigma[:, -1:] if full and sigma.shape[1] else np.zeros_like(scale)) / (first * scale)
+        damped = np.sqrt(np.maximum((1.0 - ratio) * (1.0 + ratio), 0.0)) * second * scale
+        return np.where(ratio >= 1.0, 0.0, damped)
+    if kind == ManipulabilityDamping.kind:
+        with np.errstate(over="ignore"):
+            w = np.prod(sigma / scale, axis=1, keepdims=True) if full else np.zeros_like(scale)
+        return np.where(w >= first, 0.0, np.maximum(1.0 - w / first, 0.0) * second * scale)
+    return np.zeros_like(scale)
+
+
+def damped_inverses(sigma: FloatArray, zero: FloatArray, damping: Damping, unit: FloatArray, full: bool) -> FloatArray:
+    """What the policy puts for 1 / sigma (N, r), falling; 0 for sigma <= zero (N,). Equations (15), (17), (18)-(19).
+
+    unit, full: as of `damping_factors`.
+    """
     cut = sigma > zero[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        if damping.kind == 0:
-            return np.where(cut, 1.0 / sigma, 0.0)
-        if damping.kind == 3:
-            return np.where(cut & (sigma > first), 1.0 / sigma, 0.0)
-        factor = first
-        if damping.kind == 2:
-            ratio = (sigma[:, -1:] if full and sigma.shape[1] else np.zeros_like(first)) / first
-            factor = np.where(ratio >= 1.0, 0.0, np.sqrt(np.maximum((1.0 - ratio) * (1.0 + ratio), 0.0))) * second
+        if damping.kind == Truncation.kind:
+            return np.where(cut & (sigma > damping.parameters[0] * unit[:, None]), 1.0 / sigma, 0.0)
+        factor = damping_factors(sigma, damping, unit, full)
+        if damping.kind == NumericalFiltering.kind and sigma.shape[1]:
+            factor = np.where(np.arange(sigma.shape[1]) == sigma.shape[1] - 1, factor, 0.0)
         # sigma / (sigma^2 + factor^2) without squaring a large number.
         above, below = factor / sigma, sigma / factor
         damped = np.where(sigma > factor, 1.0 / (sigma * (1.0 + above**2)), below / (factor * (1.0 + below**2)))

@@ -7,7 +7,9 @@ import pytest
 from hqp_rp import (
     ConstantDamping,
     HqpError,
+    ManipulabilityDamping,
     NoDamping,
+    NumericalFiltering,
     SettingError,
     Truncation,
     UnknownNameError,
@@ -61,7 +63,14 @@ def test_settings_are_read(text: str, settings: dict[str, object]) -> None:
 
 
 def test_a_policy_is_read_as_it_is_printed() -> None:
-    for damping in (NoDamping(), ConstantDamping(0.25), VariableDamping(0.5, 0.125), Truncation(0.0625)):
+    for damping in (
+        NoDamping(),
+        ConstantDamping(0.25),
+        VariableDamping(0.5, 0.125),
+        Truncation(0.0625),
+        ManipulabilityDamping(0.5, 0.25),
+        NumericalFiltering(0.5, 0.25),
+    ):
         assert parse_contestant(f"null_space:damping={damping!r}") == get_solver("null_space", damping=damping)
 
 

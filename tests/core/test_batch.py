@@ -9,6 +9,8 @@ from hqp_rp import (
     ConstantDamping,
     HqpError,
     Level,
+    ManipulabilityDamping,
+    NumericalFiltering,
     Problem,
     ProblemError,
     SettingError,
@@ -29,6 +31,8 @@ FORMS = [
     ("reverse_priority", {"damping": ConstantDamping(0.1), "damp": "everywhere"}),
     ("reverse_priority", {"damping": Truncation(0.1), "form": "projector", "damp": "everywhere"}),
     ("singularity_robust", {}),
+    ("null_space", {"damping": ManipulabilityDamping(5.0, 0.3)}),
+    ("singularity_robust", {"damping": NumericalFiltering(1.0, 0.3)}),
     ("pseudo_inverse", {}),
     ("hierarchical_active_set", {}),
 ]

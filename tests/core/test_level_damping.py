@@ -14,7 +14,9 @@ from hqp_rp import (
     ConstantDamping,
     ErrorDamping,
     Level,
+    ManipulabilityDamping,
     NoDamping,
+    NumericalFiltering,
     Problem,
     ProblemError,
     SettingError,
@@ -111,7 +113,16 @@ def test_two_independent_solvers_agree(seed: int, shift: int, box: bool) -> None
         assert certify(problem, ours.x, tolerance=1e-8).ok
 
 
-@pytest.mark.parametrize("policy", [ConstantDamping(0.2), VariableDamping(1.5, 0.4), Truncation(0.9)])
+@pytest.mark.parametrize(
+    "policy",
+    [
+        ConstantDamping(0.2),
+        VariableDamping(1.5, 0.4),
+        Truncation(0.9),
+        ManipulabilityDamping(3.0, 0.5),
+        NumericalFiltering(1.5, 0.4),
+    ],
+)
 @pytest.mark.parametrize(
     "make", [independent, lambda seed: near_singular(1e-5, seed)], ids=["regular", "near singular"]
 )

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from hqp_rp import (
     ConstantDamping,
     Level,
+    ManipulabilityDamping,
+    NumericalFiltering,
     Problem,
     Status,
     Truncation,
@@ -90,7 +92,16 @@ def test_the_free_vector_fills_what_the_levels_leave():
     np.testing.assert_allclose(solve(problem, "null_space", secondary=zeta).x, truth(problem, zeta).x, rtol=1e-12)
 
 
-@pytest.mark.parametrize("damping", [ConstantDamping(0.3), VariableDamping(3.0, 0.3), Truncation(0.5)])
+@pytest.mark.parametrize(
+    "damping",
+    [
+        ConstantDamping(0.3),
+        VariableDamping(3.0, 0.3),
+        Truncation(0.5),
+        ManipulabilityDamping(9.0, 0.3),
+        NumericalFiltering(3.0, 0.3),
+    ],
+)
 def test_damping_does_not_make_levels_leak(damping):
     # However level 1 is damped, what it reached is not moved by the levels below it.
     problem = over_constrained(2, rows=(3, 3, 7))

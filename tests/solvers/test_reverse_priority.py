@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hqp_rp import (
     ConstantDamping,
     Level,
+    ManipulabilityDamping,
     NoDamping,
     Problem,
     Truncation,
@@ -126,7 +127,9 @@ def test_level_1_stays_at_rounding_error_at_every_condition(exponent, rows, form
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("damping", [ConstantDamping(0.2), VariableDamping(0.5, 0.2), Truncation(0.1)])
+@pytest.mark.parametrize(
+    "damping", [ConstantDamping(0.2), VariableDamping(0.5, 0.2), Truncation(0.1), ManipulabilityDamping(1.0, 0.2)]
+)
 @pytest.mark.parametrize("exponent", [2, 6, 10, 14])
 def test_damping_t_k_alone_keeps_level_1_and_bounds_x(exponent, damping, form):
     problem = near_singular(10.0**-exponent, 2)

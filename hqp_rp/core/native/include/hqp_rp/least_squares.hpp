@@ -107,12 +107,14 @@ inline Decided decide_level(Matrix A, int r0, int m, int c0, int r, int free, do
   turn.c0 = c0;
   int rank = 0;
   while (rank < r && sigma[rank] > zero) ++rank;
-  const double last = r == std::min(m, free) ? sigma[r - 1] : 0.0;
+  const double factor = damping_factor(damping, sigma, r, r == std::min(m, free));
+  const double cut = damping.kind == Damping::truncation ? damping.first * damping.unit : 0.0;
   for (int j = 0; j < r; ++j) answer[j] = 0.0;
-  for (int j = 0; j < rank; ++j) {
+  for (int j = 0; j < rank && sigma[j] > cut; ++j) {
     double s = 0.0;
     for (int i = 0; i < m; ++i) s += T[j][i] * t[i];
-    answer[j] = s / sigma[j] * damped_inverse(sigma[j], last, 0.0, damping);
+    const bool damped = damping.kind != Damping::filtering || j == r - 1;
+    answer[j] = s / sigma[j] * damped_inverse(sigma[j], damped ? factor : 0.0);
   }
   return {rank, rank == r ? sigma[r - 1] : 0.0};
 }

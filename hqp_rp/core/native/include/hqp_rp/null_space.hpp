@@ -84,8 +84,7 @@ inline Outcome null_space(const Problem& problem, const double* z, double rank_t
     }
     const double zero =
         rank_tolerance * loaded.scale * spectral(problem.matrix + static_cast<std::ptrdiff_t>(r0) * n, m, n, n, workspace);
-    const Damping scaled{damping.kind, damping.first * loaded.scale,
-                         damping.kind == Damping::variable ? damping.second * loaded.scale : damping.second};
+    const Damping scaled{damping.kind, damping.first, damping.second, loaded.scale};
     turns[k].V = make_matrix(workspace, r, r);
     const Decided decided = decide_level(A, 0, m, c0, r, n - c0, zero, t, scaled, turns[k], answer, workspace);
     for (int j = 0; j < decided.rank; ++j) y[c0 + j] = answer[j];

@@ -402,10 +402,11 @@ inline Outcome reverse_priority(const Problem& problem, const double* z, double 
     for (int i = k; i < p; ++i)
       for (std::int64_t row = offsets[i]; row < offsets[i + 1]; ++row)
         weight[row - r0] = std::max(unit / scale[i], 1.0 / tolerance::largest_ratio);
-    double lambda = damping.kind == Damping::constant ? damping.first * unit : 0.0;
+    const Damping scaled{damping.kind, damping.first, damping.second, unit};
+    double lambda = damping_factor(scaled, nullptr, 0, true);
     Matrix span;
     int kept = n;
-    if (damping.kind == Damping::variable || damping.kind == Damping::truncation) {
+    if (damping.kind != Damping::constant && damping.kind != Damping::none) {
       double* sigma = workspace.numbers(n);
       span = make_matrix(workspace, n, n);
       right_singular(A.below(r0), rows, n, weight, span, sigma, workspace);
@@ -413,8 +414,7 @@ inline Outcome reverse_priority(const Problem& problem, const double* z, double 
         for (kept = 0; kept < n && sigma[kept] > damping.first * unit;) ++kept;
         if (kept == 0) continue;
       } else {
-        const double ratio = sigma[std::min(rows, n) - 1] / (damping.first * unit);
-        lambda = ratio >= 1.0 ? 0.0 : std::sqrt((1.0 - ratio) * (1.0 + ratio)) * damping.second * unit;
+        lambda = damping_factor(scaled, sigma, std::min(rows, n), true);
       }
     }
     for (int pass = 0; pass < 2; ++pass) {

@@ -79,20 +79,26 @@ inline double spectral(const double* data, int rows, int columns, int stride, Wo
   return largest;
 }
 
-// What a damping policy puts for 1 / sigma: (15), (17), (18)-(19) or truncation; 0 for sigma <= zero without damping.
-// `smallest` is sigma_m of (19); the policy's numbers are in sigma's unit.
-inline double damped_inverse(double sigma, double smallest, double zero, const Damping& damping) {
-  double factor = damping.first;
-  if (damping.kind == Damping::none || damping.kind == Damping::truncation) {
-    const double cut = damping.kind == Damping::none ? zero : std::fmax(zero, damping.first);
-    return sigma > cut ? 1.0 / sigma : 0.0;
+// eta of sigma / (sigma^2 + eta^2) for r falling singular values; of filtering that of the last one. `full`: these are all, so that the
+// last one is sigma_m of (19); otherwise further ones are zero.
+inline double damping_factor(const Damping& damping, const double* sigma, int r, bool full) {
+  const double unit = damping.unit;
+  if (damping.kind == Damping::constant) return damping.first * unit;
+  if (damping.kind == Damping::variable || damping.kind == Damping::filtering) {
+    const double ratio = full && r ? sigma[r - 1] / (damping.first * unit) : 0.0;
+    return ratio >= 1.0 ? 0.0 : std::sqrt((1.0 - ratio) * (1.0 + ratio)) * damping.second * unit;
   }
-  if (damping.kind == Damping::variable) {
-    const double ratio = smallest / damping.first;
-    factor = ratio >= 1.0 ? 0.0 : std::sqrt((1.0 - ratio) * (1.0 + ratio)) * damping.second;
+  if (damping.kind == Damping::manipulability) {
+    double w = full ? 1.0 : 0.0;
+    for (int i = 0; i < r; ++i) w *= sigma[i] / unit;
+    return w >= damping.first ? 0.0 : (1.0 - w / damping.first) * damping.second * unit;
   }
-  if (factor == 0.0) return sigma > zero ? 1.0 / sigma : 0.0;
-  if (sigma > factor) {  // sigma / (sigma^2 + factor^2) without squaring a large number
+  return 0.0;
+}
+
+// sigma / (sigma^2 + factor^2), without squaring a large number; sigma > 0.
+inline double damped_inverse(double sigma, double factor) {
+  if (sigma > factor) {
     const double ratio = factor / sigma;
     return 1.0 / (sigma * (1.0 + ratio * ratio));
   }
