@@ -46,7 +46,7 @@ class SetBased(Solver):
     Source: Moe, Antonelli, Teel, Pettersen and Schrimpf 2016.
     """
 
-    max_modes: int = 2000
+    max_modes: int = 500
     slack: float = 1e-9
     rank_tolerance: float = RANK_TOLERANCE
 

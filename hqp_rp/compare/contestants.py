@@ -9,17 +9,24 @@ from typing import Any
 import numpy as np
 
 from hqp_rp.compare.settings_text import parse_contestant
-from hqp_rp.core.damping import ConstantDamping, Truncation, VariableDamping
+from hqp_rp.core.damping import (
+    ConstantDamping,
+    ManipulabilityDamping,
+    NumericalFiltering,
+    Truncation,
+    VariableDamping,
+)
 from hqp_rp.core.errors import SettingError, unknown_name
 from hqp_rp.core.problem import Level, Problem
 from hqp_rp.core.solver import Solver, all_solvers, get_solver
 
 EXACT = "exact in theory"
 DAMPED = "damped or robust priority"
+BOUNDED = "priority with bounded steps"
 SOFT = "no strict priority"
 QP = "QP cascade and active set"
 WITHIN = "closed form within hard rows"
-GROUPS = (EXACT, DAMPED, SOFT, QP, WITHIN)
+GROUPS = (EXACT, DAMPED, BOUNDED, SOFT, QP, WITHIN)
 """The groups, in the order in which figures and tables show them."""
 
 
@@ -56,6 +63,37 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
         ("null space constant", {"damping": _CONSTANT}, DAMPED, "damped everywhere along the path"),
         ("null space variable", {"damping": _VARIABLE}, DAMPED, "damped near singularities only, (18)-(19)"),
         ("null space truncated", {"damping": Truncation(0.01)}, DAMPED, "small singular values cut"),
+        (
+            "null space filtered",
+            {"damping": NumericalFiltering(0.1, 0.1)},
+            BOUNDED,
+            "numerical filtering: the last singular direction alone is damped",
+        ),
+        (
+            "null space manipulability",
+            {"damping": ManipulabilityDamping(0.05, 0.1)},
+            BOUNDED,
+            "damped by the manipulability, as Nakamura and Hanafusa have it",
+        ),
+    ),
+    "selectively_damped": (
+        (
+            "selectively damped",
+            {"gamma_max": 3.0},
+            BOUNDED,
+            "Buss and Kim: each singular direction clamped, at most the arm's own 3 rad/s for each level",
+        ),
+    ),
+    "jparse": (
+        ("J-PARSE", {}, BOUNDED, "singular directions scaled, singular values held above a tenth of the largest"),
+    ),
+    "incremental_projector": (
+        (
+            "incremental projector",
+            {"largest_step": 3.0},
+            BOUNDED,
+            "Baerlocher and Boulic: no level's step longer than the arm's own 3 rad/s",
+        ),
     ),
     "reverse_priority": (
         ("reverse priority", {}, EXACT, "equation (29), undamped; lexicographic on two levels only"),
@@ -101,14 +139,34 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
     "reverse_priority_unilateral": (
         ("reverse priority unilateral", {}, WITHIN, "hard rows that are active enter as the level executed last"),
     ),
+    "set_based": (("set-based tasks", {}, WITHIN, "two-sided rows active at a bound, the fewest first"),),
+    "generalized_hierarchy": (
+        (
+            "generalized hierarchy",
+            {},
+            DAMPED,
+            "strict priorities by generalized projectors: (13), and partly strict ones",
+        ),
+    ),
+    "intermediate_desired_value": (
+        (
+            "intermediate desired value",
+            {},
+            EXACT,
+            "null-space priority with levels present to a degree; here all present",
+        ),
+    ),
     "saturation_null_space": (
         ("saturation null space", {}, WITHIN, "SNS, basic: saturates unknowns at their bounds, then scales the task"),
         ("saturation optimal", {"variant": "optimal"}, WITHIN, "Opt-SNS: releases too; largest scale, then least norm"),
     ),
 }
 
-_FOR_LIMITS = ("reverse_priority_unilateral", "saturation_null_space")
+_FOR_LIMITS = ("reverse_priority_unilateral", "saturation_null_space", "set_based")
 """Without hard rows these are `reverse_priority` and `null_space`: they line up where a scenario has limits."""
+
+_FOR_TRANSITIONS = ("generalized_hierarchy", "intermediate_desired_value")
+"""With fixed strict priorities these are `singularity_robust` and `null_space`: they line up only when they are asked for."""
 
 _FOR_TORQUES = ("operational_space", "null_space_torque")
 """Without a metric the first is `null_space`: they line up where a scenario is about accelerations or torques."""
@@ -121,6 +179,7 @@ def default_contestants(*, limits: bool = True, torques: bool = True) -> tuple[C
     speak of inertia.
     """
     order = [*_VARIANTS, *(name for name in all_solvers() if name not in _VARIANTS)]
+    order = [name for name in order if name not in _FOR_TRANSITIONS]
     if not limits:
         order = [name for name in order if name not in _FOR_LIMITS]
     if not torques:
