@@ -116,7 +116,7 @@ def compare(
     chosen, left_out = _scenarios(scenarios, quick)
     only_default = all(type(scenario).by_default for scenario in chosen)
     torques = any(scenario.commands_torques for scenario in chosen)
-    line_up = default_contestants(limits=not only_default, torques=torques)
+    line_up = default_contestants(limits=not only_default, torques=torques, transitions=False)
     contestants = line_up if solvers is None else choose_contestants(solvers)
     count = (QUICK_SEEDS if quick else SEEDS) if seeds is None else seeds
     units = units_of(chosen, contestants, count)

@@ -166,20 +166,23 @@ _FOR_LIMITS = ("reverse_priority_unilateral", "saturation_null_space", "set_base
 """Without hard rows these are `reverse_priority` and `null_space`: they line up where a scenario has limits."""
 
 _FOR_TRANSITIONS = ("generalized_hierarchy", "intermediate_desired_value")
-"""With fixed strict priorities these are `singularity_robust` and `null_space`: they line up only when they are asked for."""
+"""With fixed strict priorities these are `singularity_robust` and `null_space`: they line up where they are asked for."""
 
 _FOR_TORQUES = ("operational_space", "null_space_torque")
 """Without a metric the first is `null_space`: they line up where a scenario is about accelerations or torques."""
 
 
-def default_contestants(*, limits: bool = True, torques: bool = True) -> tuple[Contestant, ...]:
+def default_contestants(
+    *, limits: bool = True, torques: bool = True, transitions: bool = True
+) -> tuple[Contestant, ...]:
     """Every solver in the solvers folder: its variants worth showing, or its defaults when none are listed here.
 
     Without `limits`, those that differ from others only where there are hard rows are left out; without `torques`, those that
-    speak of inertia.
+    speak of inertia; without `transitions`, those that differ from others only while priorities change.
     """
     order = [*_VARIANTS, *(name for name in all_solvers() if name not in _VARIANTS)]
-    order = [name for name in order if name not in _FOR_TRANSITIONS]
+    if not transitions:
+        order = [name for name in order if name not in _FOR_TRANSITIONS]
     if not limits:
         order = [name for name in order if name not in _FOR_LIMITS]
     if not torques:

@@ -177,10 +177,14 @@ def _atlas(
 def _contestants(solvers: Sequence[str | Solver | Contestant] | None, *, limits: bool) -> tuple[Contestant, ...]:
     """Those asked for; of the default line-up and of the closed forms, without `limits`, none that only limits set apart."""
     if solvers is None:
-        return default_contestants(limits=limits)
+        return default_contestants(limits=limits, transitions=False)
     if isinstance(solvers, str) or CLOSED_FORMS not in solvers:
         return choose_contestants(solvers)
-    closed = [contestant for contestant in default_contestants(limits=limits) if is_batched(contestant.solver)]
+    closed = [
+        contestant
+        for contestant in default_contestants(limits=limits, transitions=False)
+        if is_batched(contestant.solver)
+    ]
     rest = [item for item in solvers if not (isinstance(item, str) and item == CLOSED_FORMS)]
     return choose_contestants([*closed, *rest])
 

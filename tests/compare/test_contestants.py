@@ -17,7 +17,16 @@ from hqp_rp import (
     all_solvers,
     get_solver,
 )
-from hqp_rp.compare.contestants import GROUPS, Contestant, choose_contestants, default_contestants, variants
+from hqp_rp.compare.contestants import (
+    DAMPED,
+    EXACT,
+    GROUPS,
+    SOFT,
+    Contestant,
+    choose_contestants,
+    default_contestants,
+    variants,
+)
 from hqp_rp.compare.settings_text import parse_contestant
 from tests.compare.small import Fixed
 
@@ -128,7 +137,7 @@ def test_groups_follow_what_a_solver_declares() -> None:
     plain, damped, soft = choose_contestants(
         ["null_space:rank_tolerance=1e-9", "null_space:damping=constant(3)", "pseudo_inverse:rank_tolerance=1e-9"]
     )
-    assert [plain.group, damped.group, soft.group] == list(GROUPS[:3])
+    assert [plain.group, damped.group, soft.group] == [EXACT, DAMPED, SOFT]
 
 
 def test_one_label_for_two_solvers_is_an_error() -> None:
