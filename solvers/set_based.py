@@ -26,9 +26,9 @@ class SetBased(Solver):
 
     A two-sided row, `lower <= a x <= upper`, is a set-based task: left out where x keeps it, an equality of its level, at
     the bound that it would pass, where x would not. A mode says which of them are active. Modes are tried by how many are
-    active, and the first whose answer keeps all the others is the answer (the tangent cone rule, on velocities: a task at
-    a bound may move away from it and not further out). Hard rows are the level above all others; they too are kept or
-    active.
+    active, the bound nearer to the answer without active tasks first, and the first whose answer keeps all the others is
+    the answer (the tangent cone rule, on velocities: a task at a bound may move away from it and not further out). Hard
+    rows are the level above all others; they too are kept or active.
 
     In the source an active task is frozen, a x = 0, since its bounds are those of a position; here bounds are those of x
     itself, as every limit of this library states them, and 0 is the bound of a task that is at its limit.
@@ -131,6 +131,11 @@ class _Modes:
             excess = self._excess(first)
             sets.sort(key=lambda i: -excess[i])
         sides = {i: [s for s, b in ((-1, self.lower[i]), (1, self.upper[i])) if np.isfinite(b)] for i in sets}
+        if first is not None:
+            with np.errstate(all="ignore"):
+                nearer_upper = np.abs(self.matrix @ first - self.upper) <= np.abs(self.matrix @ first - self.lower)
+            for i in sets:
+                sides[i].sort(key=lambda s: (s > 0) != nearer_upper[i])
         for count in range(len(sets) + 1):
             for chosen in itertools.combinations(sets, count):
                 for bounds in itertools.product(*(sides[i] for i in chosen)):

@@ -20,6 +20,7 @@ SOLVERS = {
     "weighted": {},
     "saturation_null_space": {},
     "reverse_priority_unilateral": {},
+    "set_based": {},
 }
 
 

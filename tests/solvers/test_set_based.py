@@ -19,6 +19,12 @@ def test_an_inactive_task_is_left_out_and_an_active_one_is_held_at_its_bound() -
         assert solution.status is Status.SOLVED
 
 
+def test_of_two_bounds_the_one_that_would_be_passed_is_held() -> None:
+    for wanted, expected in ((3.0, 1.0), (-3.0, -1.0)):
+        problem = Problem([Level.equality([[1.0, 0.0]], [wanted])], hard=Level(np.eye(2), -1.0, 1.0))
+        np.testing.assert_allclose(solve(problem, "set_based").x, [expected, 0.0], atol=1e-12)
+
+
 def test_priority_decides_between_a_task_and_a_bound_below_it() -> None:
     problem = Problem([Level.equality([[1.0, 0.0]], [2.0]), Level([[1.0, 0.0]], [-np.inf], [0.5])])
     solution = solve(problem, "set_based")

@@ -94,3 +94,8 @@ def line_up() -> list[Method]:
     """Every method without hard limits, each damped one over its sweep."""
     fixed = [method(label) for label in FIXED if label not in WITHIN_LIMITS]
     return fixed + [method(label, damping) for label in SWEPT for damping in _SWEEPS.get(label, DAMPINGS)]
+
+
+def solvers() -> list[Solver]:
+    """One of every family, those within hard limits too."""
+    return [method(label).solver for label in (*FIXED, *SWEPT)]

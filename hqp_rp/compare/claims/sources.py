@@ -8,11 +8,11 @@ import re
 from typing import Any
 
 import hqp_rp
+from hqp_rp.compare.claims.methods import solvers
 from hqp_rp.compare.run_folder import digest
 
 ROOT = pathlib.Path(hqp_rp.__file__).parent
 _BEGINNINGS = ("hqp_rp.compare.claims.trials", "hqp_rp.compare.claims.experiments", "hqp_rp.compare.claims.verdicts")
-_LOADED_BY_NAME = "solvers"
 _WRITES = "hqp_rp.compare"
 _MEASURES = "hqp_rp.compare.claims"
 _NATIVE = ROOT / "core" / "native"
@@ -20,11 +20,11 @@ _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 
 
 def sources() -> list[pathlib.Path]:
-    """Every file that trials and verdicts are made by: what they import, all solvers, and the native core.
+    """Every file that trials and verdicts are made by: what they import, the solvers that take part, and the native core.
 
     Of `compare` only what measures and judges: how a report is drawn and written changes no result.
     """
-    waiting = [*_BEGINNINGS, *(f"hqp_rp.solvers.{path.stem}" for path in (ROOT / _LOADED_BY_NAME).glob("*.py"))]
+    waiting = [*_BEGINNINGS, *sorted({type(solver).__module__ for solver in solvers()})]
     found: dict[str, pathlib.Path] = {}
     while waiting:
         path = _path(waiting.pop())
