@@ -106,6 +106,14 @@ _VARIANTS: dict[str, tuple[tuple[str, dict[str, Any], str, str], ...]] = {
             "a plain reading of (15) in (32): every pseudo-inverse damped",
         ),
     ),
+    "reverse_priority_in_order": (
+        (
+            "reverse in order",
+            {"damping": _VARIABLE},
+            BOUNDED,
+            "ours: lower levels disturbed in their order, lexicographic away from singularities",
+        ),
+    ),
     "singularity_robust": (("singularity robust", {}, DAMPED, "Chiaverini's (13): bounded, inexact below level 1"),),
     "operational_space": (
         ("operational space", {}, EXACT, "Khatib and Sentis: null-space priority in the metric of the problem"),
