@@ -17,6 +17,7 @@ from hqp_rp.compare.openings import opening_of_comparison
 from hqp_rp.compare.panels import grouped
 from hqp_rp.compare.report import Report, Section, Table, number, share
 from hqp_rp.compare.study import BOUNDED, KEPT, PARTING, Case
+from hqp_rp.compare.thresholds import fragile_sentences
 from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario
 
@@ -46,6 +47,8 @@ def comparison_report(comparison: Comparison) -> Report:
     opening = opening_of_comparison(comparison, sections)
     if verdicts:
         sections.append(Section("What the paper on reverse priority claims", tables=(_claims(verdicts),)))
+    if cases:
+        sections.append(Section("What hangs on a threshold", fragile_sentences(cases), listed=True))
     sections += [
         Section("Tables", tables=_tables(comparison) + tuple(_statuses(comparison))),
         Section("Times", (_CANNOT_TELL[-1],), tables=(_times(comparison.cases),)),
