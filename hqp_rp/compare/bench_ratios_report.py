@@ -6,7 +6,7 @@ from hqp_rp.compare.bench_accuracy import ACCEPTED, Accuracy
 from hqp_rp.compare.bench_measure import HEADLINE, Measured, Result, Row
 from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.bench_timing import ratio
-from hqp_rp.compare.chart import Bars
+from hqp_rp.compare.figures.chart import Bars
 from hqp_rp.compare.report import Section, Table, listing, number
 
 _KINDS = ("hqp_rp, certified", "peer, certified", "not certified")

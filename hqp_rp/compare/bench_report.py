@@ -16,7 +16,7 @@ from hqp_rp.compare.bench_inside_report import inside_answer, inside_section
 from hqp_rp.compare.bench_measure import Measured, Result
 from hqp_rp.compare.bench_ratios_report import fastest, ratios_section
 from hqp_rp.compare.bench_timing import PARTS, TURN, ratio
-from hqp_rp.compare.chart import Line, Lines, styles
+from hqp_rp.compare.figures.chart import Line, Lines, styles
 from hqp_rp.compare.openings import first_chart
 from hqp_rp.compare.report import Opening, Report, Section, Table, listing, number
 

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.chart import Chart, Dots, Lines
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.limits_study import CHANGE, COUNTS, LimitCase, quantities
-from hqp_rp.compare.panels import (
+from hqp_rp.compare.figures.chart import Chart, Dots, Lines
+from hqp_rp.compare.figures.panels import (
     ERROR_FLOOR,
     VIOLATION_FLOOR,
     array,
@@ -22,6 +21,7 @@ from hqp_rp.compare.panels import (
     slug,
     wide,
 )
+from hqp_rp.compare.limits_study import CHANGE, COUNTS, LimitCase, quantities
 
 _LEFT = "position limit violation left [rad]"
 _ALL = "position limit violation [rad]"

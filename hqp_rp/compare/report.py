@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hqp_rp.compare.chart import Chart, Style
+from hqp_rp.compare.figures.chart import Chart, Style
 from hqp_rp.compare.run_folder import write_atomically
 
 _EXPONENT = re.compile(r"-?\d[\d.]*e[+-]?\d+")
@@ -87,7 +87,7 @@ def write_report(report: Report, folder: pathlib.Path, *, workers: int = 1) -> l
 
     `workers` processes draw the figures. Each file appears whole or not at all; `FileError` when one cannot be written.
     """
-    from hqp_rp.compare.chart_html import script
+    from hqp_rp.compare.figures.html import script
 
     styles = dict(report.styles)
     figures = folder / "figures"
@@ -118,8 +118,8 @@ def write_report(report: Report, folder: pathlib.Path, *, workers: int = 1) -> l
 
 
 def _drawn(chart: Chart, styles: dict[str, Style]) -> tuple[bytes, str]:
-    from hqp_rp.compare.chart_html import html
-    from hqp_rp.compare.chart_png import png
+    from hqp_rp.compare.figures.html import html
+    from hqp_rp.compare.figures.png import png
 
     return png(chart, styles), html(chart, styles)
 

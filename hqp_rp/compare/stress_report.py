@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp.compare.chart import Chart, Line, Lines, styles
+from hqp_rp.compare.figures.chart import Chart, Line, Lines, styles
+from hqp_rp.compare.figures.panels import grouped
 from hqp_rp.compare.findings import DAMPED
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.openings import opening_of_stress
-from hqp_rp.compare.panels import grouped
 from hqp_rp.compare.report import Report, Section, Table, number, share
 from hqp_rp.compare.stress_findings import (
     FAR_FROM,

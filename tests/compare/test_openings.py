@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hqp_rp.compare.chart import Line, Lines, styles
+from hqp_rp.compare.figures.chart import Line, Lines, styles
 from hqp_rp.compare.openings import NOBODY, opening_of_comparison
 from hqp_rp.compare.report import Opening, Report, Section, counted, write_report
 from tests.compare.test_findings import CARELESS, GENTLE, GOOD, REVERSE, case

@@ -65,7 +65,8 @@ def _counted(text: str) -> ast.Module:
         if isinstance(node, ast.ClassDef):
             node.body = [item for item in node.body if not _declares(item, "variants")] or [ast.Pass()]
     used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} | _exported(tree)
-    return ast.fix_missing_locations(_Imports(used).visit(tree))
+    _Imports(used).visit(tree)
+    return tree
 
 
 class _Imports(ast.NodeTransformer):

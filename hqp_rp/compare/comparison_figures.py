@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.chart import Bars, Chart, Dots, Line, Lines
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.metrics import parting_frame
-from hqp_rp.compare.panels import (
+from hqp_rp.compare.figures.chart import Bars, Chart, Dots, Line, Lines
+from hqp_rp.compare.figures.panels import (
     ERROR_FLOOR,
     array,
     broken,
@@ -24,6 +23,7 @@ from hqp_rp.compare.panels import (
     wide,
     words,
 )
+from hqp_rp.compare.metrics import parting_frame
 from hqp_rp.compare.study import PARTING, singular_distance
 from hqp_rp.scenarios.scenario import Scenario
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
-from hqp_rp.compare.film_shot import Run
-from hqp_rp.compare.film_stage import ARROW, COLOURS, MOST, NEAR, WHOLE, Stage
+from hqp_rp.compare.figures.film_shot import Run
+from hqp_rp.compare.figures.film_stage import ARROW, COLOURS, MOST, NEAR, WHOLE, Stage
 
 COLUMN, HEAD, CURVE, FOOT = 420, 58, 180, 34
 """Pixels: the width of a shot, the heights of its title, its curve and of the line below all shots."""

@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hqp_rp.compare.film_sheet import Sheet
-from hqp_rp.compare.film_shot import Run, Shot, record, telling
-from hqp_rp.compare.film_stage import MOST, Stage
+from hqp_rp.compare.figures.film_sheet import Sheet
+from hqp_rp.compare.figures.film_shot import Run, Shot, record, telling
+from hqp_rp.compare.figures.film_stage import MOST, Stage
 
 __all__ = ["Shot", "film", "film_all", "gl_missing"]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.chart import LOWEST, Line, Lines, thinned
 from hqp_rp.compare.contestants import GROUPS, Contestant
+from hqp_rp.compare.figures.chart import LOWEST, Line, Lines, thinned
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios.scenario import Scenario
 

@@ -8,9 +8,9 @@ import re
 import numpy as np
 import pytest
 
-from hqp_rp.compare.chart import COLOURS, Dots, Line, Lines, styles, thinned
-from hqp_rp.compare.chart_html import html
-from hqp_rp.compare.chart_png import png
+from hqp_rp.compare.figures.chart import COLOURS, Dots, Line, Lines, styles, thinned
+from hqp_rp.compare.figures.html import html
+from hqp_rp.compare.figures.png import png
 
 X = np.array([1.0, 0.1, 0.01])
 LOOK = styles([["a", "b"], ["c"]])

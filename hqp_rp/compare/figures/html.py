@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
-from hqp_rp.compare.chart import Bars, Chart, Dots, Grid, Lines, Picture, Style
+from hqp_rp.compare.figures.chart import Bars, Chart, Dots, Grid, Lines, Picture, Style
 from hqp_rp.core.problem import FloatArray
 
 _GREY = "#666666"

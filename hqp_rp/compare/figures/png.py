@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-from hqp_rp.compare.chart import Bars, Chart, Dots, Grid, Lines, Picture, Style
+from hqp_rp.compare.figures.chart import Bars, Chart, Dots, Grid, Lines, Picture, Style
 
 _DASH: dict[str, Any] = {"solid": "-", "dash": (0, (4, 1.5)), "dot": (0, (1, 1.5))}
 _GREY = "#666666"
