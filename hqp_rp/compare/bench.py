@@ -18,7 +18,7 @@ from hqp_rp.compare.bench_measure import Asked, Measured, headline_ratios, measu
 from hqp_rp.compare.bench_remote import REMOTE_PEERS
 from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.machine import machine, versions
-from hqp_rp.compare.run import one_thread_each
+from hqp_rp.compare.workers import one_thread_each
 from hqp_rp.core.errors import FileError, SettingError, unknown_name
 from hqp_rp.core.paths import user_path
 
@@ -95,7 +95,7 @@ def bench(
     against = compared(history, entry)
     done = Bench(measured, against, entry, folder)
     from hqp_rp.compare.bench_report import bench_report
-    from hqp_rp.compare.report import write_report
+    from hqp_rp.compare.report.write import write_report
 
     write_report(bench_report(done), folder)
     keep(folder, [*history, entry])

@@ -9,7 +9,8 @@ from hqp_rp.compare.bench_floor import CALL, FLOOR, KERNEL, LEXLS, SOLVE, Floor
 from hqp_rp.compare.bench_inside import Inside
 from hqp_rp.compare.bench_step_parts import PARTS_OF_A_STEP
 from hqp_rp.compare.bench_timing import ratio
-from hqp_rp.compare.report import Section, Table, listing, number
+from hqp_rp.compare.report.report import Section, Table
+from hqp_rp.compare.report.words import listing, number
 
 
 def inside_section(inside: Inside) -> Section | None:

@@ -7,7 +7,8 @@ from hqp_rp.compare.bench_measure import HEADLINE, Measured, Result, Row
 from hqp_rp.compare.bench_steps import STEP_FAMILIES
 from hqp_rp.compare.bench_timing import ratio
 from hqp_rp.compare.figures.chart import Bars
-from hqp_rp.compare.report import Section, Table, listing, number
+from hqp_rp.compare.report.report import Section, Table
+from hqp_rp.compare.report.words import listing, number
 
 _KINDS = ("hqp_rp, certified", "peer, certified", "not certified")
 

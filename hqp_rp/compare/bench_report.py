@@ -17,8 +17,9 @@ from hqp_rp.compare.bench_measure import Measured, Result
 from hqp_rp.compare.bench_ratios_report import fastest, ratios_section
 from hqp_rp.compare.bench_timing import PARTS, TURN, ratio
 from hqp_rp.compare.figures.chart import Line, Lines, styles
-from hqp_rp.compare.openings import first_chart
-from hqp_rp.compare.report import Opening, Report, Section, Table, listing, number
+from hqp_rp.compare.report.opening import first_chart
+from hqp_rp.compare.report.report import Opening, Report, Section, Table
+from hqp_rp.compare.report.words import listing, number
 
 if TYPE_CHECKING:
     from hqp_rp.compare.bench import Bench

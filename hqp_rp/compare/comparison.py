@@ -14,7 +14,8 @@ from hqp_rp.compare.contestants import Contestant, choose_contestants, default_c
 from hqp_rp.compare.limits_study import LimitCase, limit_cases, limit_scenarios
 from hqp_rp.compare.machine import usable_cores
 from hqp_rp.compare.metrics import levels_frame, measured_frame, runs_frame, steps_frame
-from hqp_rp.compare.report import FILES, Report, write_report
+from hqp_rp.compare.report.report import Report
+from hqp_rp.compare.report.write import FILES, write_report
 from hqp_rp.compare.run import Unit, description, run_units, units_of
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.compare.study import Case, cases

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.report import counted, listing, number, share
+from hqp_rp.compare.report.words import counted, listing, number, share
 from hqp_rp.compare.study import BOUNDED, CLEAR, PARTING, Case, Outcome
 from hqp_rp.core.damping import NoDamping
 

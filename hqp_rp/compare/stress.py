@@ -15,7 +15,8 @@ import polars as pl
 
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
 from hqp_rp.compare.machine import versions
-from hqp_rp.compare.report import FILES, Report, write_report
+from hqp_rp.compare.report.report import Report
+from hqp_rp.compare.report.write import FILES, write_report
 from hqp_rp.compare.run_folder import PARTS, RunFolder
 from hqp_rp.compare.stress_atlas import NAME as ATLAS
 from hqp_rp.compare.stress_atlas import load_atlas, save_atlas

@@ -10,7 +10,6 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hqp_rp.compare.run import warm_up
 from hqp_rp.compare.stress_judge import (
     REFERENCES,
     References,
@@ -20,6 +19,7 @@ from hqp_rp.compare.stress_judge import (
     references,
 )
 from hqp_rp.compare.stress_plan import KINDS, Plan, Samples
+from hqp_rp.compare.workers import warm_up
 from hqp_rp.core.batch import solve_batch
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.solution import Status

@@ -9,11 +9,11 @@ from typing import Any, TypeAlias
 import polars as pl
 
 from hqp_rp.compare.machine import usable_cores
-from hqp_rp.compare.run import one_thread_each, progress_bar
 from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.compare.stress_plan import Plan, quiet, scene_of
 from hqp_rp.compare.stress_rows import chunk_rows
 from hqp_rp.compare.stress_subject import Subject
+from hqp_rp.compare.workers import one_thread_each, progress_bar
 from hqp_rp.control.singularities import SingularConfiguration, Start, refine_starts
 from hqp_rp.core.errors import MissingExtraError, SettingError
 

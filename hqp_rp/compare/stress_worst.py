@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.report import number
+from hqp_rp.compare.report.words import number
 from hqp_rp.compare.settings_text import parse_contestant
 from hqp_rp.compare.stress_plan import Plan, Samples
 from hqp_rp.compare.stress_summary import JUMPING, WORST, Worst

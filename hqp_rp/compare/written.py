@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from hqp_rp.compare.comparison_figures import scenario_charts
+from hqp_rp.compare.comparison_opening import opening_of_comparison
 from hqp_rp.compare.figures.chart import styles
 from hqp_rp.compare.figures.panels import grouped
 from hqp_rp.compare.findings import Verdict, case_sentences, claims
@@ -14,8 +15,8 @@ from hqp_rp.compare.limits_figures import limit_charts
 from hqp_rp.compare.limits_findings import limit_sentences
 from hqp_rp.compare.limits_tables import limit_tables
 from hqp_rp.compare.machine import machine, versions
-from hqp_rp.compare.openings import opening_of_comparison
-from hqp_rp.compare.report import Report, Section, Table, number, share
+from hqp_rp.compare.report.report import Report, Section, Table
+from hqp_rp.compare.report.words import number, share
 from hqp_rp.compare.study import BOUNDED, KEPT, PARTING, Case
 from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario

@@ -17,7 +17,8 @@ from hqp_rp.compare.bench_inside_report import inside_answer, inside_section
 from hqp_rp.compare.bench_native_qps import CASCADE, NATIVE, NativeQps
 from hqp_rp.compare.bench_step_parts import StepParts
 from hqp_rp.compare.bench_timing import Timing, timing
-from hqp_rp.compare.report import Report, write_report
+from hqp_rp.compare.report.report import Report
+from hqp_rp.compare.report.write import write_report
 
 RIGHT = Accuracy(4, 4, 4, 1e-13, 1e-13)
 WRONG = Accuracy(4, 4, 3, 0.3, 0.2, "fault")

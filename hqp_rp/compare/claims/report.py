@@ -23,7 +23,9 @@ from hqp_rp.compare.claims.trials import Trial, run_trials
 from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict, verdicts
 from hqp_rp.compare.figures.chart import Chart, Picture
 from hqp_rp.compare.machine import machine, usable_cores, versions
-from hqp_rp.compare.report import Opening, Report, Section, Table, number, share, write_report
+from hqp_rp.compare.report.report import Opening, Report, Section, Table
+from hqp_rp.compare.report.words import number, share
+from hqp_rp.compare.report.write import write_report
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.scenarios._interaction import Interaction
 

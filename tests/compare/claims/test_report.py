@@ -20,7 +20,8 @@ from hqp_rp.compare.claims.sources import digest_of_sources
 from hqp_rp.compare.claims.trials import Trial, row
 from hqp_rp.compare.claims.verdicts import verdicts
 from hqp_rp.compare.figures.chart import Dots, Grid, Lines, Picture
-from hqp_rp.compare.report import Report, write_report
+from hqp_rp.compare.report.report import Report
+from hqp_rp.compare.report.write import write_report
 from hqp_rp.core.problem import FloatArray
 from tests.compare.claims.study import made_up, places
 
