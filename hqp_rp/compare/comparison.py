@@ -11,14 +11,14 @@ from collections.abc import Sequence
 import polars as pl
 
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
-from hqp_rp.compare.limits_study import LimitCase, limit_cases, limit_scenarios
+from hqp_rp.compare.limits.cases import LimitCase, limit_cases, limit_scenarios
 from hqp_rp.compare.machine import usable_cores
-from hqp_rp.compare.metrics import levels_frame, measured_frame, runs_frame, steps_frame
+from hqp_rp.compare.measure.cases import Case, cases
+from hqp_rp.compare.measure.metrics import levels_frame, measured_frame, runs_frame, steps_frame
+from hqp_rp.compare.measure.units import Unit, description, run_units, units_of
 from hqp_rp.compare.report.report import Report
 from hqp_rp.compare.report.write import FILES, write_report
-from hqp_rp.compare.run import Unit, description, run_units, units_of
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
-from hqp_rp.compare.study import Case, cases
 from hqp_rp.core.errors import MissingExtraError, SettingError
 from hqp_rp.core.solver import Solver
 from hqp_rp.scenarios.scenario import Scenario, all_scenarios, get_scenario
@@ -59,7 +59,7 @@ class Comparison:
     def answer(self) -> tuple[str, ...]:
         """The answer in a few sentences: first on singularities, then on limits, where scenarios of that kind were run."""
         from hqp_rp.compare.findings import answer
-        from hqp_rp.compare.limits_findings import limits_answer
+        from hqp_rp.compare.limits.findings import limits_answer
 
         others = self.without_limits
         return (

@@ -23,8 +23,8 @@ from hqp_rp.compare.figures.panels import (
     wide,
     words,
 )
-from hqp_rp.compare.metrics import parting_frame
-from hqp_rp.compare.study import PARTING, singular_distance
+from hqp_rp.compare.measure.cases import PARTING, singular_distance
+from hqp_rp.compare.measure.metrics import parting_frame
 from hqp_rp.scenarios.scenario import Scenario
 
 

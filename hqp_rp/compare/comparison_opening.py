@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from hqp_rp.compare.findings import exact_everywhere, losers_of_level_1, safe_everywhere
-from hqp_rp.compare.limits_opening import limits_advice, limits_numbers
+from hqp_rp.compare.limits.opening import limits_advice, limits_numbers
+from hqp_rp.compare.measure.cases import PARTING
 from hqp_rp.compare.report.opening import advised, advised_against, first_chart
 from hqp_rp.compare.report.report import Opening, Section
 from hqp_rp.compare.report.words import number
-from hqp_rp.compare.study import PARTING
 
 if TYPE_CHECKING:
     from hqp_rp.compare.comparison import Comparison

@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from hqp_rp.compare.contestants import Contestant
+from hqp_rp.compare.measure.cases import BOUNDED, CLEAR, PARTING, Case, Outcome
 from hqp_rp.compare.report.words import counted, listing, number, share
-from hqp_rp.compare.study import BOUNDED, CLEAR, PARTING, Case, Outcome
 from hqp_rp.core.damping import NoDamping
 
 

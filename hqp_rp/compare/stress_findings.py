@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.findings import DAMPED, FREE, SAME, UNDISTURBED, Verdict, is_null_space, is_reverse
+from hqp_rp.compare.measure.cases import BOUNDED, CLEAR, KEPT, PARTING
 from hqp_rp.compare.report.words import counted, listing, number, share
 from hqp_rp.compare.stress_plan import KINDS, LIMITS, RANDOM
 from hqp_rp.compare.stress_summary import Case, Summary, largest, quantile, sigma_of_bins
-from hqp_rp.compare.study import BOUNDED, CLEAR, KEPT, PARTING
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.solution import Status
 

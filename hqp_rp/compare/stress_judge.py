@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp.compare.reference import certified_start, exact_optimum, is_plain
+from hqp_rp.compare.measure.reference import certified_start, exact_optimum, is_plain
 from hqp_rp.compare.stress_levels import LevelScale, level_scales
 from hqp_rp.compare.stress_levels import level_errors as equality_errors
 from hqp_rp.compare.stress_plan import STEPS, Samples

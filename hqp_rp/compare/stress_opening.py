@@ -9,12 +9,12 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from hqp_rp.compare.measure.cases import BOUNDED, KEPT, PARTING
 from hqp_rp.compare.report.opening import advised, advised_against, first_chart
 from hqp_rp.compare.report.report import Opening, Section
 from hqp_rp.compare.report.words import number
 from hqp_rp.compare.stress_findings import growth, level_error
 from hqp_rp.compare.stress_plan import KINDS, LIMITS, RANDOM
-from hqp_rp.compare.study import BOUNDED, KEPT, PARTING
 
 if TYPE_CHECKING:
     from hqp_rp.compare.stress import Stress

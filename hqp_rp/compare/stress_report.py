@@ -12,6 +12,7 @@ from hqp_rp.compare.figures.chart import Chart, Line, Lines, styles
 from hqp_rp.compare.figures.panels import grouped
 from hqp_rp.compare.findings import DAMPED
 from hqp_rp.compare.machine import machine, versions
+from hqp_rp.compare.measure.cases import BOUNDED, KEPT, PARTING
 from hqp_rp.compare.report.report import Report, Section, Table
 from hqp_rp.compare.report.words import number, share
 from hqp_rp.compare.stress_findings import (
@@ -29,7 +30,6 @@ from hqp_rp.compare.stress_judge import JUMP, RESOLVED
 from hqp_rp.compare.stress_opening import opening_of_stress
 from hqp_rp.compare.stress_plan import FAR, KINDS, NEAR, PER_DECADE
 from hqp_rp.compare.stress_summary import RATIO_FINE, RATIOS, WORST, Summary, quantile, sigma_of_bins
-from hqp_rp.compare.study import BOUNDED, KEPT, PARTING
 
 if TYPE_CHECKING:
     from hqp_rp.compare.stress import Stress

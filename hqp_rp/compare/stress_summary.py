@@ -9,10 +9,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hqp_rp.compare.measure.cases import PARTING
 from hqp_rp.compare.stress_judge import REFERENCES, RESOLVED
 from hqp_rp.compare.stress_plan import APPROACH, KINDS, PER_DECADE, STEPS, Plan
 from hqp_rp.compare.stress_rows import STATUSES
-from hqp_rp.compare.study import PARTING
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.solution import Status
 

@@ -11,13 +11,13 @@ from hqp_rp.compare.comparison_opening import opening_of_comparison
 from hqp_rp.compare.figures.chart import styles
 from hqp_rp.compare.figures.panels import grouped
 from hqp_rp.compare.findings import Verdict, case_sentences, claims
-from hqp_rp.compare.limits_figures import limit_charts
-from hqp_rp.compare.limits_findings import limit_sentences
-from hqp_rp.compare.limits_tables import limit_tables
+from hqp_rp.compare.limits.figures import limit_charts
+from hqp_rp.compare.limits.findings import limit_sentences
+from hqp_rp.compare.limits.tables import limit_tables
 from hqp_rp.compare.machine import machine, versions
+from hqp_rp.compare.measure.cases import BOUNDED, KEPT, PARTING, Case
 from hqp_rp.compare.report.report import Report, Section, Table
 from hqp_rp.compare.report.words import number, share
-from hqp_rp.compare.study import BOUNDED, KEPT, PARTING, Case
 from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from hqp_rp.compare.limits_study import COUNTS, LimitCase, LimitOutcome, Violation
+from hqp_rp.compare.limits.cases import COUNTS, LimitCase, LimitOutcome, Violation
 from hqp_rp.compare.report.words import counted, listing, number, share
 from hqp_rp.core.solution import Status
 

@@ -16,7 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.study import KEPT, Case, Outcome, cases
+from hqp_rp.compare.measure.cases import KEPT, Case, Outcome, cases
 from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario
 

@@ -21,7 +21,7 @@ from hqp_rp.compare.figures.panels import (
     slug,
     wide,
 )
-from hqp_rp.compare.limits_study import CHANGE, COUNTS, LimitCase, quantities
+from hqp_rp.compare.limits.cases import CHANGE, COUNTS, LimitCase, quantities
 
 _LEFT = "position limit violation left [rad]"
 _ALL = "position limit violation [rad]"

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from hqp_rp import Level, Problem, Solution, Solver, Status
-from hqp_rp.compare.metrics import (
+from hqp_rp.compare.measure.metrics import (
     SCHEMA,
     distance,
     judged_rows,
@@ -22,7 +22,7 @@ from hqp_rp.compare.metrics import (
     runs_frame,
     steps_frame,
 )
-from hqp_rp.compare.reference import NOT_COMPUTED, TOO_MUCH_WORK, certified_start, reference
+from hqp_rp.compare.measure.reference import NOT_COMPUTED, TOO_MUCH_WORK, certified_start, reference
 from hqp_rp.core import truth_active_set
 from hqp_rp.scenarios.scenario import Step
 from tests.compare.small import Closing, Fixed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hqp_rp.compare.limits_study import LimitCase
+from hqp_rp.compare.limits.cases import LimitCase
 from hqp_rp.compare.report.opening import advised
 from hqp_rp.compare.report.words import listing, number
 

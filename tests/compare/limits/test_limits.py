@@ -9,8 +9,8 @@ import pytest
 from hqp_rp import Status, get_solver
 from hqp_rp.compare import Comparison, Contestant, compare
 from hqp_rp.compare.contestants import EXACT, QP, SOFT
-from hqp_rp.compare.limits_findings import limit_sentences, limits_answer
-from hqp_rp.compare.limits_study import LimitCase, LimitOutcome, limit_scenarios
+from hqp_rp.compare.limits.cases import LimitCase, LimitOutcome, limit_scenarios
+from hqp_rp.compare.limits.findings import limit_sentences, limits_answer
 from hqp_rp.compare.report.report import Section, Table
 from tests.compare.small import Bounded, Fixed, Moving
 

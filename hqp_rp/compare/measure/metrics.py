@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.reference import reference
+from hqp_rp.compare.measure.reference import reference
 from hqp_rp.core.certificate import Certificate, certify
 from hqp_rp.core.diagnostics import LevelReport, Spectrum, spectra
 from hqp_rp.core.problem import FloatArray

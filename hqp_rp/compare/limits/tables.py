@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hqp_rp.compare.limits_study import COUNTS, LimitCase, LimitOutcome
+from hqp_rp.compare.limits.cases import COUNTS, LimitCase, LimitOutcome
 from hqp_rp.compare.report.report import Table
 from hqp_rp.compare.report.words import number, share
 from hqp_rp.core.solution import Status

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import polars as pl
 
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.metrics import parting_frame, run_levels_frame, runs_frame
+from hqp_rp.compare.measure.metrics import parting_frame, run_levels_frame, runs_frame
 from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario
 

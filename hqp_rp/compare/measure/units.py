@@ -10,7 +10,7 @@ import polars as pl
 
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.machine import usable_cores, versions
-from hqp_rp.compare.metrics import judged_rows, part_frame
+from hqp_rp.compare.measure.metrics import judged_rows, part_frame
 from hqp_rp.compare.run_folder import RunFolder, digest
 from hqp_rp.compare.workers import one_thread_each, progress_bar, warm_up
 from hqp_rp.core.errors import SettingError
