@@ -6,15 +6,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hqp_rp.compare.comparison import Comparison, compare
+    from hqp_rp.compare.comparison.comparison import Comparison, compare
     from hqp_rp.compare.contestants import Contestant, default_contestants
 
 __all__ = ["Comparison", "Contestant", "compare", "default_contestants"]
 
 # The command line lists solvers without loading polars, plotly or matplotlib.
 _LAZY = {
-    "Comparison": "comparison",
-    "compare": "comparison",
+    "Comparison": "comparison.comparison",
+    "compare": "comparison.comparison",
     "Contestant": "contestants",
     "default_contestants": "contestants",
 }

@@ -41,7 +41,7 @@ def compare(
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
     """
-    from hqp_rp.compare.comparison import compare as run
+    from hqp_rp.compare.comparison.comparison import compare as run
 
     output = user_path(output)
     try:

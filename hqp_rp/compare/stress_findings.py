@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hqp_rp.compare.comparison.findings import DAMPED, FREE, SAME, UNDISTURBED, Verdict, is_null_space, is_reverse
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.findings import DAMPED, FREE, SAME, UNDISTURBED, Verdict, is_null_space, is_reverse
 from hqp_rp.compare.measure.cases import BOUNDED, CLEAR, KEPT, PARTING
 from hqp_rp.compare.report.words import counted, listing, number, share
 from hqp_rp.compare.stress_plan import KINDS, LIMITS, RANDOM
@@ -243,7 +243,7 @@ def _damped(summary: Summary, c: int, k: int) -> tuple[str, str]:
 
 
 def _summary_of(verdicts: Sequence[Verdict]) -> str:
-    from hqp_rp.compare.findings import claims_summary
+    from hqp_rp.compare.comparison.findings import claims_summary
 
     return claims_summary(verdicts)
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hqp_rp.compare.comparison.findings import DAMPED
 from hqp_rp.compare.figures.chart import Chart, Line, Lines, styles
 from hqp_rp.compare.figures.panels import grouped
-from hqp_rp.compare.findings import DAMPED
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.measure.cases import BOUNDED, KEPT, PARTING
 from hqp_rp.compare.report.report import Report, Section, Table

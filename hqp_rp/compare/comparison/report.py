@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
-from hqp_rp.compare.comparison_figures import scenario_charts
-from hqp_rp.compare.comparison_opening import opening_of_comparison
+from hqp_rp.compare.comparison.figures import scenario_charts
+from hqp_rp.compare.comparison.findings import Verdict, case_sentences, claims
+from hqp_rp.compare.comparison.opening import opening_of_comparison
 from hqp_rp.compare.figures.chart import styles
 from hqp_rp.compare.figures.panels import grouped
-from hqp_rp.compare.findings import Verdict, case_sentences, claims
 from hqp_rp.compare.limits.figures import limit_charts
 from hqp_rp.compare.limits.findings import limit_sentences
 from hqp_rp.compare.limits.tables import limit_tables
@@ -22,7 +22,7 @@ from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
-    from hqp_rp.compare.comparison import Comparison
+    from hqp_rp.compare.comparison.comparison import Comparison
 
 QUESTION = "Which prioritized solver is accurate near algorithmic singularities?"
 LIMITS_QUESTION = "Which prioritized solver keeps a robot's limits, and what does each level pay?"

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hqp_rp.compare.comparison_opening import opening_of_comparison
+from hqp_rp.compare.comparison.opening import opening_of_comparison
 from hqp_rp.compare.figures.chart import Line, Lines, styles
 from hqp_rp.compare.report.opening import NOBODY
 from hqp_rp.compare.report.report import Opening, Report, Section
 from hqp_rp.compare.report.words import counted
 from hqp_rp.compare.report.write import write_report
-from tests.compare.test_findings import CARELESS, GENTLE, GOOD, REVERSE, case
+from tests.compare.comparison.test_findings import CARELESS, GENTLE, GOOD, REVERSE, case
 
 X = np.array([1.0, 0.1])
 

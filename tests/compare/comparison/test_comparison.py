@@ -10,7 +10,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-import hqp_rp.compare.comparison as comparison_module
+import hqp_rp.compare.comparison.comparison as comparison_module
 import hqp_rp.compare.measure.units as run_module
 from hqp_rp import FileError, HqpError, MissingExtraError, SettingError, Solver, Status, UnknownNameError
 from hqp_rp.compare import Comparison, Contestant, compare

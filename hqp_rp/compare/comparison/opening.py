@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from hqp_rp.compare.findings import exact_everywhere, losers_of_level_1, safe_everywhere
+from hqp_rp.compare.comparison.findings import exact_everywhere, losers_of_level_1, safe_everywhere
 from hqp_rp.compare.limits.opening import limits_advice, limits_numbers
 from hqp_rp.compare.measure.cases import PARTING
 from hqp_rp.compare.report.opening import advised, advised_against, first_chart
@@ -16,7 +16,7 @@ from hqp_rp.compare.report.report import Opening, Section
 from hqp_rp.compare.report.words import number
 
 if TYPE_CHECKING:
-    from hqp_rp.compare.comparison import Comparison
+    from hqp_rp.compare.comparison.comparison import Comparison
 
 
 def opening_of_comparison(comparison: Comparison, sections: Sequence[Section]) -> Opening:

@@ -58,7 +58,7 @@ class Comparison:
     @property
     def answer(self) -> tuple[str, ...]:
         """The answer in a few sentences: first on singularities, then on limits, where scenarios of that kind were run."""
-        from hqp_rp.compare.findings import answer
+        from hqp_rp.compare.comparison.findings import answer
         from hqp_rp.compare.limits.findings import limits_answer
 
         others = self.without_limits
@@ -75,7 +75,7 @@ class Comparison:
 
     def report(self) -> Report:
         """The report as data."""
-        from hqp_rp.compare.written import comparison_report
+        from hqp_rp.compare.comparison.report import comparison_report
 
         return comparison_report(self)
 

@@ -7,9 +7,9 @@ import dataclasses
 import pytest
 
 from hqp_rp import ConstantDamping, get_solver
+from hqp_rp.compare.comparison.findings import DAMPED as DAMPED_CLAIM
+from hqp_rp.compare.comparison.findings import FREE, SAME, UNDISTURBED, answer, case_sentences, claims, claims_summary
 from hqp_rp.compare.contestants import DAMPED, EXACT, Contestant
-from hqp_rp.compare.findings import DAMPED as DAMPED_CLAIM
-from hqp_rp.compare.findings import FREE, SAME, UNDISTURBED, answer, case_sentences, claims, claims_summary
 from hqp_rp.compare.measure.cases import Case, Outcome
 from hqp_rp.compare.report.words import listing, number, share
 from tests.compare.small import Closing, Moving
