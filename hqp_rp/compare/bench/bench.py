@@ -14,10 +14,13 @@ from hqp_rp.compare.bench.entrants import SOLVER_PEERS
 from hqp_rp.compare.bench.families import FAMILIES
 from hqp_rp.compare.bench.history import HISTORY, Entry, compared, keep, key, load_history
 from hqp_rp.compare.bench.lexls import checked_lexls
-from hqp_rp.compare.bench.measure import Asked, Measured, headline_ratios, measure
+from hqp_rp.compare.bench.measure import Asked, headline_ratios, measure
+from hqp_rp.compare.bench.record import Bench
 from hqp_rp.compare.bench.remote import REMOTE_PEERS
+from hqp_rp.compare.bench.report import bench_report
 from hqp_rp.compare.bench.steps import STEP_FAMILIES
 from hqp_rp.compare.machine import machine, versions
+from hqp_rp.compare.report.write import write_report
 from hqp_rp.compare.workers import one_thread_each
 from hqp_rp.core.errors import FileError, SettingError, unknown_name
 from hqp_rp.core.paths import user_path
@@ -27,21 +30,6 @@ PEERS = (*SOLVER_PEERS, "mink", *REMOTE_PEERS)
 
 EVERY_FAMILY = (*FAMILIES, *STEP_FAMILIES)
 """What `--family` knows."""
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Bench:
-    """A finished benchmark.
-
-    Attributes:
-        measured: all figures. against: sentences on the last kept run. entry: what was added to the history.
-        folder: where the report was written.
-    """
-
-    measured: Measured
-    against: tuple[str, ...]
-    entry: Entry
-    folder: pathlib.Path
 
 
 def bench(
@@ -94,9 +82,6 @@ def bench(
     )
     against = compared(history, entry)
     done = Bench(measured, against, entry, folder)
-    from hqp_rp.compare.bench.report import bench_report
-    from hqp_rp.compare.report.write import write_report
-
     write_report(bench_report(done), folder)
     keep(folder, [*history, entry])
     return done

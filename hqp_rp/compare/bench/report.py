@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,14 +14,12 @@ from hqp_rp.compare.bench.history import MARGIN
 from hqp_rp.compare.bench.inside_report import inside_answer, inside_section
 from hqp_rp.compare.bench.measure import Measured, Result
 from hqp_rp.compare.bench.ratios_report import fastest, ratios_section
+from hqp_rp.compare.bench.record import Bench
 from hqp_rp.compare.bench.timing import PARTS, TURN, ratio
 from hqp_rp.compare.figures.chart import Line, Lines, styles
 from hqp_rp.compare.report.opening import first_chart
 from hqp_rp.compare.report.report import Opening, Report, Section, Table
 from hqp_rp.compare.report.words import listing, number
-
-if TYPE_CHECKING:
-    from hqp_rp.compare.bench.bench import Bench
 
 QUESTION = "How fast is each prioritized solver, next to what a user would pick instead, at equal accuracy?"
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import pathlib
 import tempfile
 from collections.abc import Sequence
 
-import polars as pl
-
+from hqp_rp.compare.comparison.findings import answer_of_comparison
+from hqp_rp.compare.comparison.record import ComparisonResult
+from hqp_rp.compare.comparison.report import comparison_report
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
-from hqp_rp.compare.limits.cases import LimitCase, limit_cases, limit_scenarios
+from hqp_rp.compare.limits.cases import limit_cases, limit_scenarios
 from hqp_rp.compare.machine import usable_cores
-from hqp_rp.compare.measure.cases import Case, cases
+from hqp_rp.compare.measure.cases import cases
 from hqp_rp.compare.measure.metrics import levels_frame, measured_frame, runs_frame, steps_frame
 from hqp_rp.compare.measure.units import Unit, description, run_units, units_of
 from hqp_rp.compare.report.report import Report
@@ -27,56 +27,18 @@ SEEDS = 3
 QUICK_SEEDS = 1
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Comparison:
-    """What a comparison found.
+class Comparison(ComparisonResult):
+    """What a comparison found, and what it says: see `ComparisonResult` for its attributes."""
 
-    Attributes:
-        scenarios, contestants, seeds: what was run.
-        steps: one row for each step (x, status, distance from the optimum, solve time in s).
-        levels: one row for each step and level (residual, excess, rank, sigma_min, kind of singularity).
-        measured: one row for each step and figure that only the scenario could measure.
-        runs: one row for each run (largest and median distance, total variation, shares of each status, times).
-        cases: one entry for each case of each scenario: what the report's sentences are made of.
-        limits: the same for the cases of scenarios that measure violations of limits.
-        left_out: for each scenario that needs an absent optional package, a sentence that says so and the remedy.
-        folder: where the report was written, or None.
-    """
-
-    scenarios: tuple[Scenario, ...]
-    contestants: tuple[Contestant, ...]
-    seeds: int
-    steps: pl.DataFrame
-    levels: pl.DataFrame
-    measured: pl.DataFrame
-    runs: pl.DataFrame
-    cases: tuple[Case, ...]
-    limits: tuple[LimitCase, ...] = ()
-    left_out: tuple[str, ...] = ()
-    folder: pathlib.Path | None = None
+    __slots__ = ()
 
     @property
     def answer(self) -> tuple[str, ...]:
         """The answer in a few sentences: first on singularities, then on limits, where scenarios of that kind were run."""
-        from hqp_rp.compare.comparison.findings import answer
-        from hqp_rp.compare.limits.findings import limits_answer
-
-        others = self.without_limits
-        return (
-            *(answer(others) if others or not self.limits else ()),
-            *(limits_answer(self.limits) if self.limits else ()),
-        )
-
-    @property
-    def without_limits(self) -> tuple[Case, ...]:
-        """The cases of scenarios that measure no violation of limits."""
-        with_limits = {type(case.case.scenario) for case in self.limits}
-        return tuple(case for case in self.cases if type(case.scenario) not in with_limits)
+        return answer_of_comparison(self)
 
     def report(self) -> Report:
         """The report as data."""
-        from hqp_rp.compare.comparison.report import comparison_report
-
         return comparison_report(self)
 
 

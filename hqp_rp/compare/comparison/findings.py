@@ -5,10 +5,21 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
+from hqp_rp.compare.comparison.record import ComparisonResult
 from hqp_rp.compare.contestants import Contestant
+from hqp_rp.compare.limits.findings import limits_answer
 from hqp_rp.compare.measure.cases import BOUNDED, CLEAR, PARTING, Case, Outcome
 from hqp_rp.compare.report.words import counted, listing, number, share
 from hqp_rp.core.damping import NoDamping
+
+
+def answer_of_comparison(comparison: ComparisonResult) -> tuple[str, ...]:
+    """The answer in a few sentences: first on singularities, then on limits, where scenarios of that kind were run."""
+    others = comparison.without_limits
+    return (
+        *(answer(others) if others or not comparison.limits else ()),
+        *(limits_answer(comparison.limits) if comparison.limits else ()),
+    )
 
 
 def answer(cases: Sequence[Case]) -> tuple[str, ...]:

@@ -6,20 +6,17 @@ Times are not among it: they differ from run to run, and stand in their own sect
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from hqp_rp.compare.comparison.findings import exact_everywhere, losers_of_level_1, safe_everywhere
+from hqp_rp.compare.comparison.record import ComparisonResult
 from hqp_rp.compare.limits.opening import limits_advice, limits_numbers
 from hqp_rp.compare.measure.cases import PARTING
 from hqp_rp.compare.report.opening import advised, advised_against, first_chart
 from hqp_rp.compare.report.report import Opening, Section
 from hqp_rp.compare.report.words import number
 
-if TYPE_CHECKING:
-    from hqp_rp.compare.comparison.comparison import Comparison
 
-
-def opening_of_comparison(comparison: Comparison, sections: Sequence[Section]) -> Opening:
+def opening_of_comparison(comparison: ComparisonResult, sections: Sequence[Section]) -> Opening:
     """Of a comparison; `sections` hold its charts."""
     cases, limits = comparison.without_limits, comparison.limits
     advice: list[tuple[str, str]] = []

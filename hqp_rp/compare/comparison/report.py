@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import polars as pl
 
 from hqp_rp.compare.comparison.figures import scenario_charts
-from hqp_rp.compare.comparison.findings import Verdict, case_sentences, claims
+from hqp_rp.compare.comparison.findings import Verdict, answer_of_comparison, case_sentences, claims
 from hqp_rp.compare.comparison.opening import opening_of_comparison
+from hqp_rp.compare.comparison.record import ComparisonResult
 from hqp_rp.compare.figures.chart import styles
 from hqp_rp.compare.figures.panels import grouped
 from hqp_rp.compare.limits.figures import limit_charts
@@ -21,9 +20,6 @@ from hqp_rp.compare.report.words import number, share
 from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario
 
-if TYPE_CHECKING:
-    from hqp_rp.compare.comparison.comparison import Comparison
-
 QUESTION = "Which prioritized solver is accurate near algorithmic singularities?"
 LIMITS_QUESTION = "Which prioritized solver keeps a robot's limits, and what does each level pay?"
 
@@ -35,12 +31,12 @@ _CANNOT_TELL = (
 )
 
 
-def comparison_report(comparison: Comparison) -> Report:
+def comparison_report(comparison: ComparisonResult) -> Report:
     """The whole report of a comparison, as data."""
     cases = comparison.without_limits
     verdicts = claims(cases)
     sections = [
-        Section("The answer", comparison.answer),
+        Section("The answer", answer_of_comparison(comparison)),
         Section("What this cannot tell", _limits(comparison), listed=True),
         Section("Figures", sections=tuple(_figures(scenario, comparison) for scenario in comparison.scenarios)),
     ]
@@ -58,12 +54,12 @@ def comparison_report(comparison: Comparison) -> Report:
     return Report("hqp_rp: prioritized solvers side by side", question, tuple(sections), styles(labels), opening)
 
 
-def _tables(comparison: Comparison) -> tuple[Table, ...]:
+def _tables(comparison: ComparisonResult) -> tuple[Table, ...]:
     limits = tuple(table for case in comparison.limits for table in limit_tables(case))
     return tuple(_outcomes(case) for case in comparison.without_limits) + limits
 
 
-def _limits(comparison: Comparison) -> tuple[str, ...]:
+def _limits(comparison: ComparisonResult) -> tuple[str, ...]:
     own = [
         f"{_words(type(scenario).name)}: {sentence}"
         for scenario in comparison.scenarios
@@ -80,7 +76,7 @@ def _capital(title: str) -> str:
     return f"{title[0].upper()}{title[1:]}"
 
 
-def _figures(scenario: Scenario, comparison: Comparison) -> Section:
+def _figures(scenario: Scenario, comparison: ComparisonResult) -> Section:
     title = _words(type(scenario).name).capitalize()
     limits = [case for case in comparison.limits if type(case.case.scenario) is type(scenario)]
     if limits:
@@ -151,7 +147,7 @@ def _outcomes(case: Case) -> Table:
     )
 
 
-def _statuses(comparison: Comparison) -> list[Table]:
+def _statuses(comparison: ComparisonResult) -> list[Table]:
     """Every status but SOLVED, with how often and the first message: a refusal appears with its sentence."""
     frame = (
         comparison.steps.filter(pl.col("status") != Status.SOLVED.name)
@@ -184,7 +180,7 @@ def _times(cases: tuple[Case, ...]) -> Table:
     )
 
 
-def _contestants(comparison: Comparison) -> Table:
+def _contestants(comparison: ComparisonResult) -> Table:
     rows = tuple(
         (item.label, item.group, repr(item.solver), type(item.solver).source, item.why)
         for item in comparison.contestants
@@ -193,7 +189,7 @@ def _contestants(comparison: Comparison) -> Table:
     return Table("Solvers", header, rows, text=frozenset(range(5)))
 
 
-def _scenarios(comparison: Comparison) -> Table:
+def _scenarios(comparison: ComparisonResult) -> Table:
     rows = tuple((type(scenario).name, repr(scenario)) for scenario in comparison.scenarios)
     return Table("Scenarios", ("name", "settings"), rows, f"Seeds 0 to {comparison.seeds - 1}.", text=frozenset({0, 1}))
 

@@ -4,28 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp.compare.comparison.findings import DAMPED, FREE, SAME, UNDISTURBED, Verdict, is_null_space, is_reverse
+from hqp_rp.compare.comparison.findings import (
+    DAMPED,
+    FREE,
+    SAME,
+    UNDISTURBED,
+    Verdict,
+    claims_summary,
+    is_null_space,
+    is_reverse,
+)
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.measure.cases import BOUNDED, CLEAR, KEPT, PARTING
 from hqp_rp.compare.report.words import counted, listing, number, share
 from hqp_rp.compare.stress.plan import KINDS, LIMITS, RANDOM
+from hqp_rp.compare.stress.record import StressResult
 from hqp_rp.compare.stress.summary import Case, Summary, largest, quantile, sigma_of_bins
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.solution import Status
-
-if TYPE_CHECKING:
-    from hqp_rp.compare.stress.stress import Stress
 
 FAR_FROM = 0.03
 """What |x| is compared with: the largest |x*| on the paths where sigma is at least this."""
 
 
-def answer(test: Stress) -> tuple[str, ...]:
+def answer(test: StressResult) -> tuple[str, ...]:
     """The whole in a few sentences."""
     summary = test.summary
     sentences = [_atlas(test), _anywhere(summary), *(_approach(summary, c) for c in range(len(summary.cases)))]
@@ -33,7 +39,7 @@ def answer(test: Stress) -> tuple[str, ...]:
     return tuple(sentence for sentence in sentences if sentence)
 
 
-def _atlas(test: Stress) -> str:
+def _atlas(test: StressResult) -> str:
     plan = test.plan
     if not test.catalogue:
         return "The search found no singular configuration within the joint limits; every sample is drawn at random."
@@ -186,7 +192,7 @@ def _honesty(summary: Summary) -> str:
     return f"Judged by: {listing(counts)}; in {unclear} samples the rank is a matter of opinion: they do not count."
 
 
-def claims(test: Stress) -> tuple[Verdict, ...]:
+def claims(test: StressResult) -> tuple[Verdict, ...]:
     """The paper's claims on reverse priority, each with whether it held towards each kind of singularity."""
     summary, found = test.summary, []
     if len(summary.levels) < 2:
@@ -203,7 +209,7 @@ def claims(test: Stress) -> tuple[Verdict, ...]:
     return tuple(found)
 
 
-def _same(test: Stress, c: int, k: int) -> tuple[str, str]:
+def _same(test: StressResult, c: int, k: int) -> tuple[str, str]:
     summary = test.summary
     counts = summary.along[c][summary.quantities.index("distance")][:, sigma_of_bins() >= CLEAR]
     worst = largest(counts[k])
@@ -215,12 +221,12 @@ def _same(test: Stress, c: int, k: int) -> tuple[str, str]:
     return ("yes" if worst <= PARTING else "no"), evidence
 
 
-def _undisturbed(test: Stress, c: int, k: int) -> tuple[str, str]:
+def _undisturbed(test: StressResult, c: int, k: int) -> tuple[str, str]:
     error = level_error(test.summary, c, k, 0)
     return ("yes" if error <= KEPT else "no"), f"relative error of level 1 at most {number(error)}"
 
 
-def _free(test: Stress, c: int, k: int) -> tuple[str, str]:
+def _free(test: StressResult, c: int, k: int) -> tuple[str, str]:
     times = growth(test.summary, c, k)
     if math.isnan(times):
         return "-", f"not known: no sample lies at sigma >= {FAR_FROM:g}"
@@ -243,8 +249,6 @@ def _damped(summary: Summary, c: int, k: int) -> tuple[str, str]:
 
 
 def _summary_of(verdicts: Sequence[Verdict]) -> str:
-    from hqp_rp.compare.comparison.findings import claims_summary
-
     return claims_summary(verdicts)
 
 

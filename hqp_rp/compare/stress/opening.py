@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from hqp_rp.compare.measure.cases import BOUNDED, KEPT, PARTING
 from hqp_rp.compare.report.opening import advised, advised_against, first_chart
@@ -15,12 +14,10 @@ from hqp_rp.compare.report.report import Opening, Section
 from hqp_rp.compare.report.words import number
 from hqp_rp.compare.stress.findings import growth, level_error
 from hqp_rp.compare.stress.plan import KINDS, LIMITS, RANDOM
-
-if TYPE_CHECKING:
-    from hqp_rp.compare.stress.stress import Stress
+from hqp_rp.compare.stress.record import StressResult
 
 
-def opening_of_stress(test: Stress, sections: Sequence[Section]) -> Opening:
+def opening_of_stress(test: StressResult, sections: Sequence[Section]) -> Opening:
     """Of a stress test; `sections` hold its charts."""
     summary = test.summary
     kinds = [KINDS.index(kind) for kind in (RANDOM, LIMITS)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pathlib
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +28,9 @@ from hqp_rp.compare.stress.findings import (
 from hqp_rp.compare.stress.judge import JUMP, RESOLVED
 from hqp_rp.compare.stress.opening import opening_of_stress
 from hqp_rp.compare.stress.plan import FAR, KINDS, NEAR, PER_DECADE
+from hqp_rp.compare.stress.record import StressResult
 from hqp_rp.compare.stress.summary import RATIO_FINE, RATIOS, WORST, Summary, quantile, sigma_of_bins
-
-if TYPE_CHECKING:
-    from hqp_rp.compare.stress.stress import Stress
+from hqp_rp.compare.stress.worst import replay_command
 
 ERROR_FLOOR, ERROR_CEILING = 1e-17, 1e4
 NORM_FLOOR, NORM_CEILING = 1e-4, 1e16
@@ -51,7 +49,7 @@ _CANNOT_TELL = (
 )
 
 
-def stress_report(test: Stress) -> Report:
+def stress_report(test: StressResult) -> Report:
     """The whole report of a stress test, as data."""
     verdicts = claims(test)
     sections = [
@@ -98,7 +96,7 @@ def stress_report(test: Stress) -> Report:
     return Report(title, question, tuple(sections), styles(labels), opening)
 
 
-def _case(summary: Summary, c: int, test: Stress) -> Section:
+def _case(summary: Summary, c: int, test: StressResult) -> Section:
     case = summary.cases[c]
     header = (
         "solver",
@@ -137,7 +135,7 @@ def _case(summary: Summary, c: int, test: Stress) -> Section:
     return Section(title_of(case), case_sentences(summary, c), listed=True, charts=(_chart(test, c),), tables=(table,))
 
 
-def _chart(test: Stress, c: int) -> Chart:
+def _chart(test: StressResult, c: int) -> Chart:
     summary, groups = test.summary, grouped(test.plan.contestants)
     case = summary.cases[c]
     names = {"distance": "distance\nfrom x*", "x_norm": "|x|", "lipschitz": "Lipschitz\nestimate"}
@@ -187,7 +185,7 @@ def _line(summary: Summary, c: int, i: int, k: int) -> Line | None:
     return Line(summary.labels[k], sigma_of_bins(), middle, low=quantile(counts, 0.1), high=quantile(counts, 0.9))
 
 
-def _profiles(test: Stress) -> Chart:
+def _profiles(test: StressResult) -> Chart:
     summary, groups = test.summary, grouped(test.plan.contestants)
     shown = SHOWN_DECADES * RATIO_FINE + 1
     ratio = 10.0 ** (np.arange(shown) / RATIO_FINE)
@@ -247,7 +245,7 @@ def _outcomes(summary: Summary) -> Table:
     )
 
 
-def _statuses(test: Stress) -> list[Table]:
+def _statuses(test: StressResult) -> list[Table]:
     tables = []
     found = unsolved(test.summary)
     if found:
@@ -261,9 +259,7 @@ def _statuses(test: Stress) -> list[Table]:
     return tables
 
 
-def _worst(test: Stress) -> Table:
-    from hqp_rp.compare.stress.worst import replay_command
-
+def _worst(test: StressResult) -> Table:
     rows = tuple(
         (case.contestant, WORST[case.criterion], number(case.value), str(case.sample), replay_command(test, case))
         for case in test.summary.worst
@@ -278,7 +274,7 @@ def _worst(test: Stress) -> Table:
     )
 
 
-def _atlas(test: Stress) -> Table:
+def _atlas(test: StressResult) -> Table:
     rows = []
     for level, name in enumerate(test.levels):
         for kind in dict.fromkeys(place.kind for place in test.catalogue if place.level == level):
@@ -293,12 +289,12 @@ def _atlas(test: Stress) -> Table:
     return Table("The atlas", header, tuple(rows), caption, text=frozenset({0, 1}))
 
 
-def _solvers(test: Stress) -> Table:
+def _solvers(test: StressResult) -> Table:
     rows = tuple((item.label, item.group, repr(item.solver), item.why) for item in test.plan.contestants)
     return Table("Solvers", ("label", "group", "solver and settings", "why it is here"), rows, text=frozenset(range(4)))
 
 
-def _settings(test: Stress) -> Table:
+def _settings(test: StressResult) -> Table:
     plan = test.plan
     counts = ", ".join(f"{count} {kind}" for kind, count in plan.counts.items())
     own = {

@@ -6,28 +6,29 @@ import contextlib
 import dataclasses
 import functools
 import os
-import pathlib
 import tempfile
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
-
-import polars as pl
 
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
 from hqp_rp.compare.machine import versions
 from hqp_rp.compare.report.report import Report
 from hqp_rp.compare.report.write import FILES, write_report
-from hqp_rp.compare.run_folder import PARTS, RunFolder
+from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.compare.stress.atlas import NAME as ATLAS
 from hqp_rp.compare.stress.atlas import load_atlas, save_atlas
+from hqp_rp.compare.stress.findings import answer
 from hqp_rp.compare.stress.plan import Plan, Scene, approachable, quiet, scene_of
+from hqp_rp.compare.stress.record import StressResult
+from hqp_rp.compare.stress.report import stress_report
 from hqp_rp.compare.stress.rows import is_batched
 from hqp_rp.compare.stress.run import dask_client, key, run_chunks, run_starts
 from hqp_rp.compare.stress.subject import RobotLike, StackLike, Subject, subject_of
-from hqp_rp.compare.stress.summary import Summary, summarize
+from hqp_rp.compare.stress.summary import summarize
+from hqp_rp.compare.stress.worst import save_worst
 from hqp_rp.control._sampling import Sampler
 from hqp_rp.control.catalogue import find_singularities
-from hqp_rp.core.errors import FileError, SettingError
+from hqp_rp.core.errors import SettingError
 from hqp_rp.core.solver import Solver
 
 if TYPE_CHECKING:
@@ -43,43 +44,17 @@ Without limits in the stack, those that are then the same as others are left out
 WORST_FOLDER = "worst"
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Stress:
-    """What a stress test found.
-
-    Attributes:
-        plan: what was run. levels: names of the levels.
-        catalogue: the whole atlas; `plan.places` are those that a path leads to.
-        left_out: solvers that refuse the stack, with their sentence.
-        summary: counts, histograms and extremes over all rows.
-        folder: where the rows lie, one Parquet part for each chunk; None when nothing was kept.
-    """
-
-    plan: Plan
-    levels: tuple[str, ...]
-    catalogue: tuple[SingularConfiguration, ...]
-    left_out: tuple[tuple[str, str], ...]
-    summary: Summary
-    folder: pathlib.Path | None = None
+class Stress(StressResult):
+    """What a stress test found, and what it says: see `StressResult` for its attributes."""
 
     @property
     def answer(self) -> tuple[str, ...]:
         """The findings in a few sentences."""
-        from hqp_rp.compare.stress.findings import answer
-
         return answer(self)
 
     def report(self) -> Report:
         """The report as data."""
-        from hqp_rp.compare.stress.report import stress_report
-
         return stress_report(self)
-
-    def rows(self) -> pl.LazyFrame:
-        """Every row, read from the folder when collected. Raises `FileError` where nothing was kept."""
-        if self.folder is None:
-            raise FileError("The rows were not kept: give an output folder.")
-        return pl.scan_parquet(self.folder / PARTS / "chunk-*.parquet")
 
 
 def stress(
@@ -155,8 +130,6 @@ def stress(
     if output is None:
         return found
     found = dataclasses.replace(found, folder=folder.path)
-    from hqp_rp.compare.stress.worst import save_worst
-
     save_worst(found, folder.path / WORST_FOLDER)
     write_report(found.report(), folder.path)
     return found

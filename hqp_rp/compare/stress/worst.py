@@ -6,7 +6,7 @@ import dataclasses
 import pathlib
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.report.words import number
 from hqp_rp.compare.settings_text import parse_contestant
 from hqp_rp.compare.stress.plan import Plan, Samples
+from hqp_rp.compare.stress.record import StressResult
 from hqp_rp.compare.stress.summary import JUMPING, WORST, Worst
 from hqp_rp.core.certificate import certify
 from hqp_rp.core.diagnostics import norm
@@ -21,14 +22,11 @@ from hqp_rp.core.distance import distance
 from hqp_rp.core.io import load_metadata, load_problem, save_problem
 from hqp_rp.core.solver import Solver, all_solvers
 
-if TYPE_CHECKING:
-    from hqp_rp.compare.stress.stress import Stress
-
 TRUTH_UNKNOWNS = 40
 """A replay states the distance from the exact truth up to this many unknowns (about 0.1 s there)."""
 
 
-def save_worst(test: Stress, folder: pathlib.Path) -> list[pathlib.Path]:
+def save_worst(test: StressResult, folder: pathlib.Path) -> list[pathlib.Path]:
     """Write each worst case of the summary as .npz, a jump as the two samples between which it happens."""
     folder.mkdir(exist_ok=True)
     written = []
@@ -48,7 +46,7 @@ def save_worst(test: Stress, folder: pathlib.Path) -> list[pathlib.Path]:
     return written
 
 
-def replay_command(test: Stress, case: Worst) -> str:
+def replay_command(test: StressResult, case: Worst) -> str:
     """The command that solves the case again, in the report's folder."""
     contestant = next(item for item in test.plan.contestants if item.label == case.contestant)
     files = " ".join(f"worst/{name}" for name in _names(case))

@@ -11,12 +11,13 @@ import pytest
 
 from hqp_rp.compare.bench import measure as bench_measure
 from hqp_rp.compare.bench.accuracy import Accuracy
-from hqp_rp.compare.bench.bench import EVERY_FAMILY, Bench, bench, checked
+from hqp_rp.compare.bench.bench import EVERY_FAMILY, bench, checked
 from hqp_rp.compare.bench.entrants import our_entrants
 from hqp_rp.compare.bench.history import HISTORY, Entry
 from hqp_rp.compare.bench.inside import Inside
 from hqp_rp.compare.bench.measure import Asked, Measured, Result, Row, headline_ratios
 from hqp_rp.compare.bench.ratios_report import _fault
+from hqp_rp.compare.bench.record import Bench
 from hqp_rp.compare.bench.report import answer, bench_report
 from hqp_rp.compare.bench.timing import Ratio, timing
 from hqp_rp.compare.command_line import MISUSE, main
