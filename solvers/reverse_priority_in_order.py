@@ -51,7 +51,8 @@ class ReversePriorityInOrder(ClosedForm):
     lexicographic one where no singular value is below it.
 
     It costs p (p + 1) / 2 factorizations where (29) takes p, and its bound is worse: lower levels are met at any joint
-    velocity before higher ones correct them. `null_space` with the same policy has the same properties for less.
+    velocity before higher ones correct them. `null_space` with the same policy costs less and damps level 1 too, where J_1
+    itself is near singular.
 
     Args:
         damping: of (J_j N)^# for j > k, N the null space of J_k, ..., J_{j-1}. `NumericalFiltering` is refused as in

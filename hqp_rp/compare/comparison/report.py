@@ -8,6 +8,7 @@ from hqp_rp.compare.comparison.figures import scenario_charts
 from hqp_rp.compare.comparison.findings import Verdict, answer_of_comparison, case_sentences, claims
 from hqp_rp.compare.comparison.opening import opening_of_comparison
 from hqp_rp.compare.comparison.record import ComparisonResult
+from hqp_rp.compare.comparison.thresholds import fragile_sentences
 from hqp_rp.compare.figures.chart import styles
 from hqp_rp.compare.figures.panels import grouped
 from hqp_rp.compare.limits.figures import limit_charts
@@ -43,6 +44,8 @@ def comparison_report(comparison: ComparisonResult) -> Report:
     opening = opening_of_comparison(comparison, sections)
     if verdicts:
         sections.append(Section("What the paper on reverse priority claims", tables=(_claims(verdicts),)))
+    if cases:
+        sections.append(Section("What hangs on a threshold", fragile_sentences(cases), listed=True))
     sections += [
         Section("Tables", tables=_tables(comparison) + tuple(_statuses(comparison))),
         Section("Times", (_CANNOT_TELL[-1],), tables=(_times(comparison.cases),)),

@@ -22,6 +22,8 @@ FAR = 0.3
 """Steps at no less than this share of the largest distance from the singularity are far from it."""
 CLEAR = 1e-6
 """Where every sigma is at least this, equal methods must agree to `KEPT` despite rounding."""
+MOVED = 3.0
+"""Every threshold is also moved down and up by this factor: a verdict that changes is marked (`thresholds`)."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -35,7 +37,8 @@ class Outcome:
         parts_at: parameter at which the median seed left the optimum; None when it never did; parted: whether it did.
         within: share of unambiguous steps within `PARTING` of the optimum.
         distance, distance_max: median and largest distance from the optimum.
-        clear_distance: largest distance from the optimum where every sigma is at least `CLEAR`.
+        clear_distance: largest distance from the optimum where every sigma is at least `CLEAR`; clear_distance_moved: the
+            same with `CLEAR` moved down and up by `MOVED`.
         excess, relative_excess: largest of each level, over all steps that are not ambiguous.
         proven: for each level, the largest relative excess that rounding does not explain.
         x_max: largest |x|. variation: median total variation of x along the path.
@@ -53,6 +56,7 @@ class Outcome:
     distance: float | None
     distance_max: float | None
     clear_distance: float | None
+    clear_distance_moved: tuple[float | None, float | None]
     excess: tuple[float | None, ...]
     relative_excess: tuple[float | None, ...]
     proven: tuple[float | None, ...]
@@ -80,7 +84,8 @@ class Case:
     Attributes:
         scenario, name: which one; name is "" when the scenario has one only.
         levels: names of the levels. outcomes: one for each contestant, in the order of the line-up.
-        far_norm: the largest |x*| far from the singularity, the median of the contestants': what |x| is compared with.
+        far_norm: the largest |x*| far from the singularity, the median of the contestants': what |x| is compared with;
+            far_norm_moved: the same with `FAR` moved down and up by `MOVED`.
         nearest: the smallest distance from the singularity that occurred.
         reference: how the optimum was computed. ambiguous: share of steps whose rank is ambiguous.
     """
@@ -90,6 +95,7 @@ class Case:
     levels: tuple[str, ...]
     outcomes: tuple[Outcome, ...]
     far_norm: float
+    far_norm_moved: tuple[float, float]
     nearest: float
     reference: tuple[str, ...]
     ambiguous: float
@@ -140,12 +146,11 @@ def _case(
     sigma = singular_distance(levels)
     steps = steps.join(sigma, on=["contestant", "seed", "step"], how="left", maintain_order="left")
     largest = float(steps["sigma"].max() or 0.0)  # type: ignore[arg-type]
-    far = (
-        steps.filter(pl.col("sigma") >= FAR * largest)
-        .group_by("contestant")
-        .agg(pl.col("optimum_norm").max())["optimum_norm"]
-        .median()
-    )
+
+    def norm_beyond(share: float) -> float:
+        far = steps.filter(pl.col("sigma") >= share * largest).group_by("contestant").agg(pl.col("optimum_norm").max())
+        return float(far["optimum_norm"].median() or 0.0)  # type: ignore[arg-type]
+
     parting = parting_frame(steps, PARTING)
     runs, run_levels = runs_frame(steps), run_levels_frame(levels)
     outcomes = [
@@ -162,7 +167,8 @@ def _case(
         name=name,
         levels=tuple(levels.group_by("level").agg(pl.col("name").first()).sort("level")["name"]),
         outcomes=tuple(outcomes),
-        far_norm=float(far or 0.0),  # type: ignore[arg-type]
+        far_norm=norm_beyond(FAR),
+        far_norm_moved=(norm_beyond(FAR / MOVED), norm_beyond(min(FAR * MOVED, 1.0))),
         nearest=float(steps["sigma"].min() or 0.0),  # type: ignore[arg-type]
         reference=tuple(sorted(steps["reference"].unique())),
         ambiguous=float(steps["ambiguous"].mean() or 0.0),  # type: ignore[arg-type]
@@ -192,6 +198,10 @@ def _outcome(
         .agg(((pl.col("excess") - pl.col("uncertainty")).clip(lower_bound=0.0) * scale).max().alias("proven"))
         .sort("level")
     )
+
+    def distance_beyond(sigma: float) -> float | None:
+        return _float(clear.filter(pl.col("sigma") >= sigma)["distance"].max())
+
     parted = parting["parts_at"].sort(descending=not ascending, nulls_last=True).to_list()
     middle = parted[len(parted) // 2] if parted else None
     return Outcome(
@@ -204,7 +214,8 @@ def _outcome(
         within=_float((clear["distance"] <= PARTING).mean()) if clear.height else None,
         distance=_float(clear["distance"].median()),
         distance_max=_float(clear["distance"].max()),
-        clear_distance=_float(clear.filter(pl.col("sigma") >= CLEAR)["distance"].max()),
+        clear_distance=distance_beyond(CLEAR),
+        clear_distance_moved=(distance_beyond(CLEAR / MOVED), distance_beyond(CLEAR * MOVED)),
         excess=tuple(by_level["excess_max"]),
         relative_excess=tuple(by_level["relative_excess_max"]),
         proven=_filled(proven["proven"].to_list(), by_level.height),

@@ -75,6 +75,7 @@ def test_markdown_has_its_parts_in_order(written: tuple[Comparison, Path]) -> No
         "What this cannot tell",
         "Figures",
         "What the paper on reverse priority claims",
+        "What hangs on a threshold",
         "Tables",
         "Times",
         "Settings",
