@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.contestants import GROUPS, Contestant
+from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.figures.chart import LOWEST, Line, Lines, thinned
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.variant import GROUPS
 from hqp_rp.scenarios.scenario import Scenario
 
 ERROR_FLOOR, ERROR_CEILING = 1e-17, 1e8

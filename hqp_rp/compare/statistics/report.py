@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hqp_rp.compare.contestants import GROUPS
 from hqp_rp.compare.figures.chart import styles
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.report.report import Opening, Report, Section, Table
@@ -26,6 +25,7 @@ from hqp_rp.compare.statistics.verdicts import (
     Result,
     Spread,
 )
+from hqp_rp.core.variant import GROUPS
 
 _NOBODY = "no solver here"
 _SHOWN = 6

@@ -14,8 +14,8 @@ import hqp_rp.compare.comparison.comparison as comparison_module
 import hqp_rp.compare.measure.units as run_module
 from hqp_rp import FileError, HqpError, MissingExtraError, SettingError, Solver, Status, UnknownNameError
 from hqp_rp.compare import Comparison, Contestant, compare
-from hqp_rp.compare.contestants import DAMPED, EXACT
 from hqp_rp.compare.measure.units import Unit
+from hqp_rp.core.variant import DAMPED, EXACT
 from hqp_rp.scenarios.scenario import Step
 from tests.compare.small import Closing, Fixed, Moving
 

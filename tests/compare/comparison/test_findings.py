@@ -9,9 +9,10 @@ import pytest
 from hqp_rp import ConstantDamping, get_solver
 from hqp_rp.compare.comparison.findings import DAMPED as DAMPED_CLAIM
 from hqp_rp.compare.comparison.findings import FREE, SAME, UNDISTURBED, answer, case_sentences, claims, claims_summary
-from hqp_rp.compare.contestants import DAMPED, EXACT, Contestant
+from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.measure.cases import Case, Outcome
 from hqp_rp.compare.report.words import listing, number, share
+from hqp_rp.core.variant import DAMPED, EXACT
 from tests.compare.small import Closing, Moving
 
 GOOD = Outcome(

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqp_rp.compare.contestants import GROUPS, default_contestants
+from hqp_rp.compare.contestants import default_contestants
 from hqp_rp.compare.figures.chart import Bars, Chart, Dots, Grid, Line, Lines, styles
 from hqp_rp.compare.figures.html import html
 from hqp_rp.compare.figures.panels import grouped
 from hqp_rp.compare.figures.png import figure
 from hqp_rp.compare.report.report import Report, Section
 from hqp_rp.compare.report.write import write_report
+from hqp_rp.core.variant import GROUPS
 from tests.compare.figures.drawn_texts import CHROMIUM, Drawn, Page, in_figure, on_page, tick_labels
 
 WIDTHS = (1280, 420)

@@ -10,11 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from hqp_rp.compare.contestants import EXACT, Contestant, variants
+from hqp_rp.compare.contestants import Contestant, variants
 from hqp_rp.compare.figures.film import FRAMES_PER_SECOND, LAST, Shot, film_all, gl_missing
 from hqp_rp.compare.figures.film_sheet import COLUMN, CURVE, FOOT, HEAD
 from hqp_rp.compare.figures.film_shot import record, telling
 from hqp_rp.compare.figures.film_stage import NEAR, WHOLE
+from hqp_rp.core.variant import EXACT
 from hqp_rp.scenarios._interaction import PAPER, REGULAR, Case
 from hqp_rp.scenarios.sawyer_force_tracking import SawyerForceTracking
 from hqp_rp.scenarios.sawyer_wall_contact import SawyerWallContact

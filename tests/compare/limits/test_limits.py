@@ -8,10 +8,10 @@ import pytest
 
 from hqp_rp import Status, get_solver
 from hqp_rp.compare import Comparison, Contestant, compare
-from hqp_rp.compare.contestants import EXACT, QP, SOFT
 from hqp_rp.compare.limits.cases import LimitCase, LimitOutcome, limit_scenarios
 from hqp_rp.compare.limits.findings import limit_sentences, limits_answer
 from hqp_rp.compare.report.report import Section, Table
+from hqp_rp.core.variant import EXACT, QP, SOFT
 from tests.compare.small import Bounded, Fixed, Moving
 
 LINE_UP = (
