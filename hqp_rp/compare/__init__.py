@@ -1,9 +1,9 @@
 """Solvers side by side: what they are run on, what was measured, what follows, and how it is told.
 
-What flows: `contestants` (who) are run by `measure` on scenarios, in `workers`, what is finished kept in a `run_folder`; `limits`
-and `comparison` rule on that, `stress` samples one robot and stack, `statistics` passages through singularities, `claims` tests a
-paper, `bench` takes times. Each puts its page together from `figures` and `report`; `command_line` is the way in, with
-`settings_text` and `robot_options` for what is typed and `machine` for where it ran.
+What flows: `contestants` (who) are run by `measure` on scenarios, in `workers`, what is finished kept in a `run_folder`;
+`limits` and `comparison` rule on that, `stress` samples one robot and stack, `statistics` passages through singularities,
+`claims` tests a paper, `bench` takes times. Each puts its page together from `figures` and `report`; `command_line` is the
+way in, with `settings_text` and `robot_options` for what is typed and `machine` for where it ran.
 """
 
 from __future__ import annotations
