@@ -34,7 +34,7 @@ from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 
 if TYPE_CHECKING:
     from hqp_rp import problems
-    from hqp_rp.compare.stress import stress
+    from hqp_rp.compare.stress.stress import stress
     from hqp_rp.control.acceleration_stack import AccelerationStack
     from hqp_rp.control.angular_momentum_task import AngularMomentumTask
     from hqp_rp.control.catalogue import Catalogue, find_singularities
@@ -203,7 +203,7 @@ _LAZY = {
     "Truth": "core.truth",
     "truth": "core.truth",
     "load_robot": "robot.model_file",
-    "stress": "compare.stress",
+    "stress": "compare.stress.stress",
 }
 
 # The package that a name needs, asked for in the name that the user wrote.

@@ -8,10 +8,11 @@ from typing import ClassVar
 import numpy as np
 
 from hqp_rp.core.closed_form import ClosedForm
-from hqp_rp.core.damping import NoDamping, NumericalFiltering
+from hqp_rp.core.damping import NoDamping, NumericalFiltering, VariableDamping
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.stacked import damped_inverses, load
+from hqp_rp.core.variant import BOUNDED, LineUp, Variant
 
 
 def in_order(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
@@ -67,6 +68,17 @@ class ReversePriorityInOrder(ClosedForm):
     )
     source: ClassVar[str] = "ours, after paper (20)-(29)"
     exact_levels: ClassVar[int] = 1_000_000
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "reverse in order",
+                {"damping": VariableDamping(0.1, 0.1)},
+                BOUNDED,
+                "ours: lower levels disturbed in their order, lexicographic away from singularities",
+            ),
+        ),
+        place=60,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

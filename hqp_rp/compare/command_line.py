@@ -41,7 +41,7 @@ def compare(
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
     """
-    from hqp_rp.compare.comparison import compare as run
+    from hqp_rp.compare.comparison.comparison import compare as run
 
     output = user_path(output)
     try:
@@ -109,7 +109,7 @@ def stress(
         workers: processes; one for each core when not given.
         dask: address of a running dask scheduler that takes the work instead, such as tcp://10.0.0.1:8786.
     """
-    from hqp_rp.compare.stress import stress as run
+    from hqp_rp.compare.stress.stress import stress as run
     from hqp_rp.control.stack_file import load_stack
 
     file = load_stack(stack)
@@ -146,7 +146,7 @@ def replay(file: tyro.conf.Positional[tuple[pathlib.Path, ...]], solver: str | N
         solver: a solver's name, NAME:KEY=VALUE,KEY=VALUE or PACKAGE.MODULE:CLASS; without it, the one that the case was
             saved for.
     """
-    from hqp_rp.compare.stress_worst import replay_all
+    from hqp_rp.compare.stress.worst import replay_all
 
     if not file:
         raise SettingError("replay needs a file: hqp-rp replay worst/CASE.npz.")
@@ -257,7 +257,7 @@ def bench(
         lexls: a checkout of github.com/jrl-umi3218/lexls (C++), timed beside our kernel; needs a C++ compiler and Eigen.
         eigen: the folder that holds the folder Eigen, when it is not where it usually is.
     """
-    from hqp_rp.compare.bench import bench as run
+    from hqp_rp.compare.bench.bench import bench as run
 
     output = user_path(output)
     found = run(
@@ -270,7 +270,7 @@ def bench(
         eigen=eigen,
         progress=True,
     )
-    from hqp_rp.compare.bench_report import answer
+    from hqp_rp.compare.bench.report import answer
 
     for sentence in (*answer(found.measured), *found.against, *found.measured.missing, *found.measured.inside.missing):
         print(f"- {sentence}")

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from hqp_rp.compare.chart import Picture
-from hqp_rp.compare.contestants import GROUPS, Contestant
+from hqp_rp.compare.contestants import Contestant
+from hqp_rp.compare.figures.chart import Picture
 from hqp_rp.compare.statistics.arms import arm_named
 from hqp_rp.compare.statistics.trials import FACTOR
 from hqp_rp.compare.statistics.verdicts import (
@@ -25,6 +25,7 @@ from hqp_rp.compare.statistics.verdicts import (
     YES,
     Result,
 )
+from hqp_rp.core.variant import GROUPS
 
 NAME = "passages"
 _COLUMNS = (

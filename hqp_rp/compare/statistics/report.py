@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hqp_rp.compare.chart import styles
-from hqp_rp.compare.contestants import GROUPS
+from hqp_rp.compare.figures.chart import styles
 from hqp_rp.compare.machine import machine, versions
-from hqp_rp.compare.report import Opening, Report, Section, Table, counted, listing, number, share
+from hqp_rp.compare.report.report import Opening, Report, Section, Table
+from hqp_rp.compare.report.words import counted, listing, number, share
 from hqp_rp.compare.statistics.arms import arm_named
 from hqp_rp.compare.statistics.passages import FARTHEST, NEAREST
 from hqp_rp.compare.statistics.picture import NAME, picture
@@ -25,6 +25,7 @@ from hqp_rp.compare.statistics.verdicts import (
     Result,
     Spread,
 )
+from hqp_rp.core.variant import GROUPS
 
 _NOBODY = "no solver here"
 _SHOWN = 6

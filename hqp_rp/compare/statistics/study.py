@@ -12,8 +12,7 @@ import polars as pl
 
 from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants
 from hqp_rp.compare.machine import usable_cores, versions
-from hqp_rp.compare.report import FILES, write_report
-from hqp_rp.compare.run import one_thread_each, progress_bar
+from hqp_rp.compare.report.write import FILES, write_report
 from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.compare.statistics.arms import ARMS, arm_named
 from hqp_rp.compare.statistics.passages import Design, places
@@ -21,6 +20,7 @@ from hqp_rp.compare.statistics.record import Statistics
 from hqp_rp.compare.statistics.report import statistics_report
 from hqp_rp.compare.statistics.trials import Unit, run_unit
 from hqp_rp.compare.statistics.verdicts import results
+from hqp_rp.compare.workers import one_thread_each, progress_bar
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.solver import Solver
 

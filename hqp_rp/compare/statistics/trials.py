@@ -9,8 +9,8 @@ import numpy as np
 import polars as pl
 
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.run import warm_up
 from hqp_rp.compare.statistics.passages import Design, Passage, passages, places
+from hqp_rp.compare.workers import warm_up
 from hqp_rp.core.batch import solve_batch
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Status
