@@ -12,9 +12,9 @@ zeta the secondary vector. What the answer satisfies at every level, and what th
 
     Z_{i-1}^T B_i^T r_i = 0,   r_i = B_i x - b_i        Z_q^T (x - zeta) = 0
 
-is differentiated. As long as ranks stay as they are, dZ_i = -C_i^+ dC_i Z_i with C_i = [B_1; ...; B_i], so that the change of the
-basis enters only through the multipliers of a level's residual, B_i^T r_i + sum_{j<i} B_j^T lambda_j = 0, and mu of the norm,
-x - zeta + sum_j B_j^T mu_j = 0:
+is differentiated. As long as ranks stay as they are, dZ_i = -C_i^+ dC_i Z_i with C_i = [B_1; ...; B_i], so that the change of
+the basis enters only through the multipliers of a level's residual, B_i^T r_i + sum_{j<i} B_j^T lambda_j = 0, and mu of the
+norm, x - zeta + sum_j B_j^T mu_j = 0:
 
     dx_i = P_i^T (db_i - dB_i x - B_i (dx_1 + ... + dx_{i-1})) - P_i^T P_i (dB_i^T r_i + sum_{j<i} dB_j^T lambda_j)
     dx   = dx_1 + ... + dx_q + Z_q Z_q^T (dzeta - sum_j dB_j^T mu_j)
@@ -40,25 +40,29 @@ under strict complementarity. The hierarchy of them is ours.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hqp_rp.core.active import VIOLATED
-from hqp_rp.core.diagnostics import checked_point, normalised, require_tolerance, rounding_at_zero, row_norms, two_norm
+from hqp_rp.core.diagnostics import checked_point, require_tolerance, rounding_at_zero, two_norm
 from hqp_rp.core.errors import HqpError, ProblemError, SettingError
 from hqp_rp.core.level import FloatArray, IntArray
 from hqp_rp.core.metric import in_metric
 from hqp_rp.core.problem import Problem
 from hqp_rp.core.solution import Solution
-from hqp_rp.core.tolerances import RANK
+from hqp_rp.core.tolerances import NEAR_ZERO, RANK
 
 TOLERANCE = 1e-9
 """Default of `SolutionDerivative`: what is this near to a change of rank or of active rows has no derivative."""
 
 AGREES = 1e-6
 """The given x must be that near, relative, to the optimum that its active rows give."""
+
+KEEPS = 1e-8
+"""A direction keeps a rank where no more than this part of it leaves the range of the rows."""
 
 
 class NotDifferentiableError(HqpError, ArithmeticError):
@@ -111,7 +115,10 @@ class _Block(NamedTuple):
 
 
 class _Pulled(NamedTuple):
-    """A residual and its multipliers: of block `block` (the number of blocks: of the norm). weights: (rows,), r in its own rows."""
+    """A residual and its multipliers: of block `block`, or of the norm, which counts as a block after the last one.
+
+    weights: (rows,) multipliers of all rows; r in the block's own.
+    """
 
     block: int
     weights: FloatArray
@@ -124,10 +131,10 @@ class SolutionDerivative:
         problem: without damped levels.
         solution: an answer to it in which `Solution.require` finds an x, the lexicographic optimum, from a solver that says
             which rows are active (`Solution.active`) or of a problem of equalities alone.
-        constant_rank: False refuses a level whose rank is less than its rows and its freedom allow, since almost every change of
-            the matrix raises that rank, and x jumps. True gives the derivative among the changes that keep every rank: rows that
-            stay parallel to those of a level before, columns of locked joints, and all changes of bounds alone. `jvp` refuses
-            a direction in which a rank changes; a gradient of `vjp` holds for chains through data that keep the ranks.
+        constant_rank: False refuses a level whose rank is less than its rows and its freedom allow, since almost every change
+            of the matrix raises that rank, and x jumps. True gives the derivative among the changes that keep every rank: rows
+            that stay parallel to those of a level before, columns of locked joints, and all changes of bounds alone. `jvp`
+            refuses a direction in which a rank changes; a gradient of `vjp` holds for chains through data that keep the ranks.
         tolerance: relative; a singular value of A_k Z_{k-1} below this times ||A_k||_2, a satisfied row nearer than this
             to a bound that does not hold it, and a multiplier below this are too near to a change: no derivative. >= 0.
 
@@ -178,10 +185,11 @@ class SolutionDerivative:
         self._side, counts = self._active(solution)
         self._bound = np.where(self._side < 0, lower, upper)
         self._unit = np.zeros(len(matrix))
+        self._largest = np.abs(matrix).max(axis=1, initial=0.0)
         self._blocks: list[_Block] = []
         self._Z = np.eye(problem.n)
         self._at = np.zeros(problem.n)
-        self._size = float(np.linalg.norm(y))
+        self._size = _norm(y)
         self._build(counts, offsets)
         self._agree(y)
         self._pulls = self._multipliers()
@@ -202,9 +210,9 @@ class SolutionDerivative:
             )
         matrix, lower, upper, _ = problem.with_hard
         value = matrix @ x
-        lengths = row_norms(matrix)
+        lengths = _lengths(matrix)
         size = lengths * np.linalg.norm(x)
-        noise = lengths * rounding_at_zero(problem, x)
+        noise = lengths * _rounding(problem, x, lengths)
         bound = np.clip(value, lower, upper)
         violated = np.abs(value - bound) > VIOLATED * (size + np.abs(bound)) + noise
         violated[: problem.hard_rows] = False
@@ -242,13 +250,13 @@ class SolutionDerivative:
             least = start + np.flatnonzero(own & counts[start:end])
             held = start + np.flatnonzero(own & ~counts[start:end])
             if len(least):
-                whole = self._rows[start:end]
-                exponent = normalised(whole)[1]
-                self._unit[least] = np.ldexp(1.0, -exponent)
-                B, b = np.ldexp(self._rows[least], -exponent), np.ldexp(self._bound[least], -exponent)
+                unit = math.ldexp(1.0, -math.frexp(float(self._largest[start:end].max()))[1])
+                self._unit[least] = unit
+                B, b = self._rows[least] * unit, self._bound[least] * unit
                 if len(waiting):
                     waiting = self._pressed(waiting, B, b, level)
-                self._least_squares(level, least, B, b, np.ldexp(whole, -exponent))
+                whole = B if len(least) == end - start else self._rows[start:end] * unit
+                self._least_squares(level, least, B, b, whole)
             if len(held):
                 waiting = np.concatenate((waiting, held))
         zeta = self._zeta if self._root is None else self._root @ self._zeta
@@ -268,14 +276,14 @@ class SolutionDerivative:
         if not d:
             return
         U, sigma, Vt = np.linalg.svd(B @ self._Z, full_matrices=m < d)
-        bar = float(np.linalg.norm(whole))  # not below ||A_k||_2
+        bar = _norm(whole)  # not below ||A_k||_2
         if sigma[-1] <= max(self.tolerance, RANK) * bar:
             bar = two_norm(whole)
             unsure = sigma[(sigma > RANK * bar) & (sigma <= self.tolerance * bar)]
             if len(unsure):
                 raise NotDifferentiableError(
-                    f"{_sentence(self._level(level))} is within {self.tolerance:g} of losing rank beside the levels before it "
-                    f"(singular value {unsure[0] / bar:.1e} of its norm): there is no derivative that means anything."
+                    f"The rank of {self._level(level)} is nearly one less: a singular value beside the levels before it is "
+                    f"{unsure[0] / bar:.1e} of its norm, within the tolerance {self.tolerance:g}, and no derivative means anything."
                 )
         rank = int((sigma > RANK * bar).sum())
         full = m if level == 0 else min(m, d)
@@ -284,10 +292,11 @@ class SolutionDerivative:
         self._add(rows, B, b, U[:, :rank], sigma[:rank], Vt, rank < full)
 
     def _deficient(self, level: int, rank: int, full: int) -> str:
+        beside = " beside the levels before it" if level else ""
         return (
-            f"{_sentence(self._level(level))} has rank {rank} beside the levels before it and could have {full}: almost "
-            "every change of the matrix raises it, and the answer jumps. constant_rank=True gives the derivative among changes "
-            "that keep the rank, those of bounds alone included."
+            f"The rank of {self._level(level)} is {rank}{beside} and could be {full}: almost every change of the matrix raises it, "
+            "and the answer jumps. constant_rank=True gives the derivative among changes that keep the rank, those of bounds "
+            "alone included."
         )
 
     def _add(
@@ -316,26 +325,29 @@ class SolutionDerivative:
 
         level: its number, or None for the norm.
         """
-        self._unit[waiting] = 1.0 / row_norms(self._rows[waiting])
-        normals = self._rows[waiting] * self._unit[waiting, None]
-        bounds = self._bound[waiting] * self._unit[waiting]
+        normals = self._rows[waiting]
+        unit = 1.0 / _lengths(normals)
+        normals, bounds = normals * unit[:, None], self._bound[waiting] * unit
+        self._unit[waiting] = unit
         factors = self._independent(waiting, normals)
         U, sigma, Vt = factors
         r = len(sigma)
+        free = self._Z @ Vt[r:].T
+        if level is not None and free.shape[1]:
+            left, sizes, right = np.linalg.svd(B @ free, full_matrices=False)
+            keep = sizes > RANK * _norm(B)
+            if np.count_nonzero(keep) == len(B):
+                return waiting  # the level is met beside them
         G = (U / sigma) @ Vt[:r]  # (w, d), the transposed pseudo-inverse of normals @ Z
         at = self._at + self._Z @ (G.T @ (bounds - normals @ self._at))
-        free = self._Z @ Vt[r:].T
-        E = B @ free
         if level is None:
             at = at + free @ (free.T @ (b - at))
         elif free.shape[1]:
-            U2, sigma2, Vt2 = np.linalg.svd(E, full_matrices=False)
-            keep = sigma2 > RANK * float(np.linalg.norm(B))
-            at = at + free @ (Vt2[keep].T @ ((U2[:, keep].T @ (b - B @ at)) / sigma2[keep]))
+            at = at + free @ (right[keep].T @ ((left[:, keep].T @ (b - B @ at)) / sizes[keep]))
         gradient = B.T @ (B @ at - b)
         force = -(G @ (self._Z.T @ gradient)) * self._side[waiting]
-        scale = float(np.linalg.norm(B)) if level is not None else 1.0
-        least = self.tolerance * scale * (scale * self._size + float(np.linalg.norm(b)))
+        scale = 1.0 if level is None else _norm(B)
+        least = self.tolerance * scale * (scale * self._size + _norm(b))
         wrong = waiting[force < -least]
         if len(wrong):
             by = "the norm" if level is None else self._level(level)
@@ -370,12 +382,12 @@ class SolutionDerivative:
 
     def _note(self, B: FloatArray, b: FloatArray) -> None:
         """How long an x the bounds of rows ask for."""
-        length = float(np.linalg.norm(B))
+        length = _norm(B)
         if length > 0.0:
-            self._size = max(self._size, float(np.linalg.norm(b)) / length)
+            self._size = max(self._size, _norm(b) / length)
 
     def _agree(self, y: FloatArray) -> None:
-        apart = float(np.linalg.norm(self._at - y))
+        apart = _norm(self._at - y)
         if not apart <= AGREES * self._size:
             raise NotDifferentiableError(
                 f"x is not the lexicographic optimum: with its active rows that is {apart:.1e} away, of size {self._size:.1e}. "
@@ -503,7 +515,7 @@ class SolutionDerivative:
             dZ = dZ + block.P.T @ missing
         own = self._blocks[last]
         outside = missing - own.U @ (own.U.T @ missing)
-        if np.linalg.norm(outside) > np.sqrt(np.finfo(np.float64).eps) * np.linalg.norm(B_dot):
+        if _norm(outside) > KEEPS * _norm(B_dot):
             level = int(np.searchsorted(self.problem.with_hard.offsets, own.rows[0], side="right")) - 1
             raise NotDifferentiableError(
                 f"The rank of {self._level(level)} changes in this direction, and the answer jumps: give one that keeps the "
@@ -561,8 +573,25 @@ def _rate(name: str, given: ArrayLike | None, shape: tuple[int, ...]) -> FloatAr
     return rate
 
 
-def _sentence(words: str) -> str:
-    return words[0].upper() + words[1:]
+def _norm(v: FloatArray) -> float:
+    return math.sqrt(float(np.vdot(v, v)))
+
+
+def _lengths(A: FloatArray) -> FloatArray:
+    """(m,) ||a_i||_2; each row is scaled by its own largest entry, so that squares do not overflow."""
+    largest = np.abs(A).max(axis=1, initial=0.0)
+    unit = A / np.where(largest > 0.0, largest, 1.0)[:, None]
+    lengths: FloatArray = largest * np.sqrt(np.einsum("ij,ij->i", unit, unit))
+    return lengths
+
+
+def _rounding(problem: Problem, x: FloatArray, lengths: FloatArray) -> float:
+    """`rounding_at_zero`, which is 0 but for an x much shorter than the bounds."""
+    _, lower, upper, _ = problem.with_hard
+    asked = np.concatenate((np.abs(lower), np.abs(upper)))
+    some = np.isfinite(asked) & (np.concatenate((lengths, lengths)) > 0.0)
+    reach = float((asked[some] / np.concatenate((lengths, lengths))[some]).max(initial=0.0))
+    return rounding_at_zero(problem, x) if _norm(x) <= NEAR_ZERO * reach else 0.0
 
 
 def _same(one: Problem | None, other: Problem) -> bool:
