@@ -283,7 +283,7 @@ class SolutionDerivative:
             if len(unsure):
                 raise NotDifferentiableError(
                     f"The rank of {self._level(level)} is nearly one less: a singular value beside the levels before it is "
-                    f"{unsure[0] / bar:.1e} of its norm, within the tolerance {self.tolerance:g}, and no derivative means anything."
+                    f"{unsure[0] / bar:.1e} of its norm, within the tolerance {self.tolerance:g}: no derivative means anything."
                 )
         rank = int((sigma > RANK * bar).sum())
         full = m if level == 0 else min(m, d)
@@ -294,9 +294,9 @@ class SolutionDerivative:
     def _deficient(self, level: int, rank: int, full: int) -> str:
         beside = " beside the levels before it" if level else ""
         return (
-            f"The rank of {self._level(level)} is {rank}{beside} and could be {full}: almost every change of the matrix raises it, "
-            "and the answer jumps. constant_rank=True gives the derivative among changes that keep the rank, those of bounds "
-            "alone included."
+            f"The rank of {self._level(level)} is {rank}{beside} and could be {full}: almost every change of the matrix raises "
+            "it, and the answer jumps. constant_rank=True gives the derivative among changes that keep the rank, those of "
+            "bounds alone included."
         )
 
     def _add(

@@ -346,7 +346,7 @@ def test_rows_that_hold_the_same_are_a_kink():
     problem = Problem([row([1.0, 0.5], 9.0)], Level([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]], -1.0, 1.0, name="box"))
     solution = answered(problem, [1.0, 1.0], [1, 1, 1, 0])
     with pytest.raises(
-        NotDifferentiableError, match="Row [01] of the hard rows 'box' is held at its upper bound beside rows"
+        NotDifferentiableError, match=r"Row [01] of the hard rows 'box' is held at its upper bound beside rows"
     ):
         vjp(problem, solution, np.ones(2))
     # The level alone puts x_1 to the bound, and a lower one pulls it there too.
