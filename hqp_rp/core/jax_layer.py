@@ -60,15 +60,13 @@ def solve(
     dtype = jnp.result_type(stated[0][0], jnp.float32)
     n = np.shape(stated[0][0])[-1]
     rows = [_arrays(level, n, dtype, f"levels[{k}]") for k, level in enumerate(stated)]
-    top = [_arrays((np.zeros((0, n)), 0.0, 0.0), n, dtype, "hard")]
-    if hard is not None:
-        top = [_arrays(bounds_of(hard, "hard"), n, dtype, "hard")]
-    data = Data(
-        *(jnp.concatenate(parts) for parts in zip(*rows, strict=True)),
-        *top[0],
-        jnp.zeros(0, dtype) if secondary is None else _shaped(secondary, (n,), dtype, "secondary"),
-        jnp.zeros((0, 0), dtype) if metric is None else _shaped(metric, (n, n), dtype, "metric"),
+    hard_A, hard_lower, hard_upper = _arrays(
+        (np.zeros((0, n)), 0.0, 0.0) if hard is None else bounds_of(hard, "hard"), n, dtype, "hard"
     )
+    A, lower, upper = (jnp.concatenate(parts) for parts in zip(*rows, strict=True))
+    zeta = jnp.zeros(0, dtype) if secondary is None else _shaped(secondary, (n,), dtype, "secondary")
+    W = jnp.zeros((0, 0), dtype) if metric is None else _shaped(metric, (n, n), dtype, "metric")
+    data = Data(A, lower, upper, hard_A, hard_lower, hard_upper, zeta, W)
     chosen = get_solver(solver) if isinstance(solver, str) else solver
     settings = _Settings(tuple(len(A) for A, _, _ in rows), chosen, constant_rank, tolerance)
     return _solve(settings, data)

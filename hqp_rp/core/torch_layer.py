@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from hqp_rp.core.derivative import TOLERANCE
 from hqp_rp.core.errors import MissingExtraError, ProblemError
 from hqp_rp.core.layer import Data, answers_of, bounds_of, gradients_of, offsets_of, solutions_of
@@ -82,28 +80,25 @@ def solve(
     )
 
 
+def _backward(ctx: Any, x_bar: Any) -> tuple[Any, ...]:
+    needed = Data(*ctx.needs_input_grad[4:])
+    x_bar = x_bar.detach().to("cpu", torch.float64).numpy()
+    constant_rank = ctx.constant_rank or not (needed.matrix or needed.hard_matrix)
+    found = gradients_of(ctx.solutions, x_bar, ctx.data, constant_rank, ctx.tolerance)
+    gradients = (torch.from_numpy(one).to(ctx.like) if own else None for own, one in zip(needed, found, strict=True))
+    return None, None, None, None, *gradients
+
+
 class _Solve(torch.autograd.Function):  # type: ignore[misc]
     @staticmethod
     def forward(ctx: Any, offsets: Any, solver: Solver, constant_rank: bool, tolerance: float, *tensors: Any) -> Any:
         data = Data(*(tensor.detach().to("cpu", torch.float64).numpy() for tensor in tensors))
         ctx.solutions = solutions_of(data, offsets, solver)
-        ctx.data, ctx.constant_rank, ctx.tolerance, ctx.like = data, constant_rank, tolerance, tensors[0]
+        ctx.data, ctx.constant_rank, ctx.tolerance, ctx.like = data, constant_rank, tolerance, tensors[0].detach()
         x = answers_of(ctx.solutions, data.matrix.shape[:-2], data.matrix.shape[-1])
         return torch.from_numpy(x).to(tensors[0])
 
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, x_bar: Any) -> tuple[Any, ...]:
-        needed = ctx.needs_input_grad[4:]
-        asked = Data(*needed)
-        moves = asked.matrix or asked.hard_matrix
-        x_bar = x_bar.detach().to("cpu", torch.float64).numpy()
-        found = gradients_of(ctx.solutions, x_bar, ctx.data, ctx.constant_rank or not moves, ctx.tolerance)
-        gradients = (
-            torch.from_numpy(np.ascontiguousarray(one)).to(ctx.like) if own else None
-            for own, one in zip(needed, found, strict=True)
-        )
-        return None, None, None, None, *gradients
+    backward = staticmethod(once_differentiable(_backward))
 
 
 def _tensor(given: Any, like: Any) -> Any:
