@@ -162,7 +162,7 @@ def test_one_level_is_the_derivative_of_a_pseudo_inverse(m):
     dA, db = rng.standard_normal(A.shape), rng.standard_normal(m)
     inverse = np.linalg.pinv(A)
     x = inverse @ b
-    # Golub and Pereyra 1973, (4.12)
+    # Golub and Pereyra 1973
     dinverse = (
         -inverse @ dA @ inverse
         + inverse @ inverse.T @ dA.T @ (np.eye(m) - A @ inverse)

@@ -49,7 +49,11 @@ def test_a_batch_with_limits_a_secondary_vector_and_a_metric_by_gradcheck():
 
 
 def test_bounds_alone_need_no_rank():
-    A, b, c = torch.tensor([[1.0, 0.0]]), torch.tensor([1.0], requires_grad=True), torch.tensor([2.0], requires_grad=True)
+    A, b, c = (
+        torch.tensor([[1.0, 0.0]]),
+        torch.tensor([1.0], requires_grad=True),
+        torch.tensor([2.0], requires_grad=True),
+    )
     x = torch_layer.solve([(A, b), (A, c)], "null_space")
     assert x.dtype == torch.float32
     (3.0 * x[0]).backward()
