@@ -47,8 +47,8 @@ def solve(
         constant_rank, tolerance: as in `SolutionDerivative`. JAX does not say which arguments are differentiated: for bounds
             alone, give constant_rank=True.
 
-    Reverse mode only (`grad`, `vjp`, `jacrev`), once. Without `jax.config.update("jax_enable_x64", True)` arrays are float32, and
-    rows that should be dependent are so to 1e-7 only: the rank rule counts them as independent.
+    Reverse mode only (`grad`, `vjp`, `jacrev`), once. Without `jax.config.update("jax_enable_x64", True)` arrays are float32,
+    and rows that should be dependent are so to 1e-7 only: the rank rule counts them as independent.
 
     Raises:
         ProblemError: arguments that do not fit together. What is found out on the host (no answer, no derivative) ends the
