@@ -235,10 +235,10 @@ class SolutionDerivative:
     def _require_rank(self, last: int, Z: FloatArray, B_dot: FloatArray) -> None:
         """Raises unless the rank of block `last` stays: dC Z within the range of C, C all blocks up to it."""
         dZ = np.zeros_like(Z)
-        for block in self._blocks.blocks[: last + 1]:
-            missing = -B_dot[block.rows] @ Z - block.B @ dZ
-            dZ = dZ + block.P.T @ missing
+        for block in self._blocks.blocks[:last]:
+            dZ = dZ - block.P.T @ (B_dot[block.rows] @ Z + block.B @ dZ)
         own = self._blocks.blocks[last]
+        missing = B_dot[own.rows] @ Z + own.B @ dZ
         outside = missing - own.U @ (own.U.T @ missing)
         if np.linalg.norm(outside) > KEEPS * np.linalg.norm(B_dot):
             level = self._blocks.level_named(int(own.rows[0]))

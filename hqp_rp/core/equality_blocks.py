@@ -253,20 +253,16 @@ class EqualityBlocks:
         U, sigma, Vt = factors
         r = len(sigma)
         free = self.Z @ Vt[r:].T
-        if level is not None and free.shape[1]:
-            left, sizes, right = np.linalg.svd(B @ free, full_matrices=False)
-            keep = sizes > RANK * _norm(B)
-            if np.count_nonzero(keep) == len(B):
-                return waiting  # the level is met beside them
+        scale = _norm(B)
+        left, sizes, right = np.linalg.svd(B @ free, full_matrices=False)
+        keep = sizes > RANK * scale
+        if np.count_nonzero(keep) == len(B):
+            return waiting  # the level is met beside them
         G = (U / sigma) @ Vt[:r]  # (w, d), the transposed pseudo-inverse of normals @ Z
         at = self.at + self.Z @ (G.T @ (bounds - normals @ self.at))
-        if level is None:
-            at = at + free @ (free.T @ (b - at))
-        elif free.shape[1]:
-            at = at + free @ (right[keep].T @ ((left[:, keep].T @ (b - B @ at)) / sizes[keep]))
+        at = at + free @ (right[keep].T @ ((left[:, keep].T @ (b - B @ at)) / sizes[keep]))
         gradient = B.T @ (B @ at - b)
         force = -(G @ (self.Z.T @ gradient)) * self.side[waiting]
-        scale = 1.0 if level is None else _norm(B)
         least = self.tolerance * scale * (scale * self._size + _norm(b))
         wrong = waiting[force < -least]
         if len(wrong):
@@ -283,7 +279,8 @@ class EqualityBlocks:
             factors = np.linalg.svd(normals @ self.Z, full_matrices=True)
         self._note(normals, bounds)
         self._add(waiting[firm], normals, bounds, *factors, False)
-        return waiting[~firm]
+        still: IntArray = waiting[~firm]
+        return still
 
     def _independent(self, waiting: IntArray, normals: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         least = max(self.tolerance, RANK)

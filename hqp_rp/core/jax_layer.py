@@ -6,7 +6,6 @@ precision whatever the arrays are. It goes through `jit`, `grad` and `vmap`. Nee
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,8 +18,8 @@ from hqp_rp.core.layer import Data, answers_of, bounds_of, gradients_of, offsets
 from hqp_rp.core.solver import Solver, get_solver
 
 try:
-    import jax
-    import jax.numpy as jnp
+    import jax  # pyright: ignore[reportMissingImports]
+    import jax.numpy as jnp  # pyright: ignore[reportMissingImports]
 except ImportError as error:
     told = 'hqp_rp.core.jax_layer needs jax, which is not installed: pip install "hqp-rp[jax]"'
     raise MissingExtraError(told) from error
@@ -93,10 +92,12 @@ class _Settings:
         return Data(*(one.astype(like.dtype) for one, like in zip(found, arrays, strict=True)))
 
 
-@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _solve(settings: _Settings, data: Data) -> Any:
+def _host(settings: _Settings, data: Data) -> Any:
     shape = jax.ShapeDtypeStruct(data.matrix.shape[-1:], data.matrix.dtype)
     return jax.pure_callback(settings.forward, shape, data, vmap_method="broadcast_all")
+
+
+_solve: Any = jax.custom_vjp(_host, nondiff_argnums=(0,))
 
 
 def _forward(settings: _Settings, data: Data) -> tuple[Any, Data]:

@@ -15,8 +15,8 @@ from hqp_rp.core.layer import Data, answers_of, bounds_of, gradients_of, offsets
 from hqp_rp.core.solver import Solver, get_solver
 
 try:
-    import torch
-    from torch.autograd.function import once_differentiable
+    import torch  # pyright: ignore[reportMissingImports]
+    from torch.autograd.function import once_differentiable  # pyright: ignore[reportMissingImports]
 except ImportError as error:
     told = 'hqp_rp.core.torch_layer needs torch, which is not installed: pip install "hqp-rp[torch]"'
     raise MissingExtraError(told) from error
