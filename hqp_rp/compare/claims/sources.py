@@ -50,7 +50,8 @@ def code_of(path: pathlib.Path) -> str:
     comments and line breaks.
 
     Neither do these count: where in `compare`, outside the claims, a name is imported from (the name does); a class attribute
-    `variants`, since a line-up of solvers changes no solver; an imported name that nothing else in the file then uses.
+    `variants`, since a line-up of solvers changes no solver; how an object is shown, `_repr_html_` and `plot`; an imported name
+    that nothing else in the file then uses.
     """
     text = path.read_text()
     if path.suffix != ".py":
@@ -63,7 +64,9 @@ def _counted(text: str) -> ast.Module:
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.ClassDef):
-            node.body = [item for item in node.body if not _declares(item, "variants")] or [ast.Pass()]
+            node.body = [item for item in node.body if not _declares(item, "variants") and not _shows(item)] or [
+                ast.Pass()
+            ]
     used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} | _exported(tree)
     _Imports(used).visit(tree)
     return tree
@@ -93,6 +96,10 @@ class _Imports(ast.NodeTransformer):
 def _declares(node: ast.stmt, name: str) -> bool:
     targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
     return any(isinstance(target, ast.Name) and target.id == name for target in targets)
+
+
+def _shows(node: ast.stmt) -> bool:
+    return isinstance(node, ast.FunctionDef) and node.name in ("_repr_html_", "plot")
 
 
 def _exported(tree: ast.Module) -> set[str]:

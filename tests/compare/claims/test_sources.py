@@ -80,6 +80,19 @@ def test_where_compare_keeps_a_shared_name_does_not_count_and_the_name_does(tmp_
     assert code("from hqp_rp.core.files import digest, number\n" + measures) != before
 
 
+def test_how_an_object_is_shown_does_not_count(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "record.py"
+
+    def code(body: str) -> str:
+        path.write_text(f"class Record:\n    size: int = 3\n{body}")
+        return code_of(path)
+
+    bare = code("")
+    shown = "    def _repr_html_(self):\n        from hqp_rp.core.html import table\n        return table(self)\n"
+    assert code(shown) == code(shown.replace("_repr_html_", "plot")) == bare
+    assert code(shown.replace("_repr_html_", "solve")) != bare
+
+
 def test_a_line_up_of_variants_changes_no_solver(tmp_path: pathlib.Path) -> None:
     path = tmp_path / "solver.py"
 
