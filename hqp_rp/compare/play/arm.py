@@ -77,7 +77,8 @@ class Arm:
     def __init__(self, robot: Robot, stack: Stack, solver: Solver, dt: float) -> None:
         self.robot, self.dt = robot, dt
         self._given, self._index = stack, coordinate_index(robot, "moving a robot")
-        self._own, self._damping, self._with_limits = solver, None, False
+        self._own, self._with_limits = solver, False
+        self._damping: LevelDamping | None = None
         self._fastest = np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, FASTEST)
         self._build()
 
@@ -95,6 +96,12 @@ class Arm:
     def fastest(self) -> FloatArray:
         """(nv,) rad/s or m/s, how fast each joint is moved at most."""
         return self._fastest
+
+    @property
+    def label(self) -> str:
+        """The solver's name, its settings that are not the default, and what damps the levels of its stack."""
+        damping = [policy for policy in self._stack.damping if policy is not None]
+        return called(self._solver) + (f", levels damped by {damping[0]!r}" if damping else "")
 
     def choose(
         self, solver: Solver | None = None, damping: LevelDamping | None = None, *, joint_limits: bool | None = None
@@ -151,7 +158,7 @@ class Arm:
             reason = str(error)
         answer = None if reason or solution is None else solution.x
         judged = _judged(problem, solution if answer is not None else None, len(self._stack.names))
-        error = self._errors()
+        errors = self._errors()
         v = self._braked() if answer is None else answer
         share = float(np.min(self._fastest / np.maximum(np.abs(v), self._fastest), initial=1.0))
         stops = self._move(share * v) if moving else ()
@@ -162,7 +169,7 @@ class Arm:
             mode=Mode.RUNNING if answer is not None else Mode.HOLDING if v.any() else Mode.STOPPED,
             status="" if solution is None else solution.status.name,
             reason=reason,
-            error=error,
+            error=errors,
             **judged,
             limits=(*(() if problem is None or answer is None else rows_at_bounds(problem, answer)), *stops),
             bounded=0 if problem is None else _bounded(problem),
@@ -217,6 +224,16 @@ def damped(solver: Solver, damping: LevelDamping | None) -> tuple[Solver, LevelD
     )
 
 
+def called(solver: Solver) -> str:
+    """The solver's name, with the settings that are not the default."""
+    changed = [
+        f"{field.name} {getattr(solver, field.name)!r}"
+        for field in dataclasses.fields(solver)
+        if field.init and repr(getattr(solver, field.name)) != repr(field.default)
+    ]
+    return f"{solver.name} ({', '.join(changed)})" if changed else str(solver.name)
+
+
 def rows_at_bounds(problem: Problem, x: FloatArray) -> tuple[str, ...]:
     """The inequality rows of `problem` that are at a bound or beyond at x (n,), in words; judged from the two alone."""
     words = []
@@ -237,7 +254,10 @@ def _at_bounds(level: Level, x: FloatArray) -> list[tuple[int, str]]:
         upper = value >= level.upper - reach - ACTIVE_TOLERANCE * np.abs(level.upper)
         lower = value <= level.lower + reach + ACTIVE_TOLERANCE * np.abs(level.lower)
     bounded = level.lower < level.upper
-    sides = [(upper & bounded & np.isfinite(level.upper), "upper"), (lower & bounded & np.isfinite(level.lower), "lower")]
+    sides = [
+        (upper & bounded & np.isfinite(level.upper), "upper"),
+        (lower & bounded & np.isfinite(level.lower), "lower"),
+    ]
     return [(int(i), side) for rows, side in sides for i in np.flatnonzero(rows)]
 
 
@@ -250,7 +270,7 @@ def _judged(problem: Problem | None, solution: Solution | None, p: int) -> dict[
     """residual, rank, rows and sigma_min of each level: from the answer, or from the problem alone where there is none."""
     nothing = np.full(p, np.nan)
     if problem is None:
-        return {name: nothing for name in ("residual", "rank", "rows", "sigma_min")}
+        return dict.fromkeys(("residual", "rank", "rows", "sigma_min"), nothing)
     found = spectra(problem) if solution is None else solution.levels
     return {
         "residual": nothing if solution is None else np.array([level.residual for level in solution.levels]),

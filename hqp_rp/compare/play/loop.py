@@ -79,7 +79,9 @@ class PlayLoop:
         self._dt = positive_number(dt, "dt") if dt is not None else file.dt or DT
         robot = source.robot()
         if not isinstance(robot, MujocoRobot):
-            raise SettingError(f"the robot is a {type(robot).__name__}; what is drawn is a MuJoCo model: leave library out.")
+            raise SettingError(
+                f"the robot is a {type(robot).__name__}; what is drawn is a MuJoCo model: leave library out."
+            )
         self._robot = robot
         self._arms = [self._new_arm(get_solver(solver))]
         self._targets = targets_of(self._arms[0].stack)
@@ -235,19 +237,21 @@ class PlayLoop:
     def step(self) -> Step:
         """One control period."""
         driving = self._goal is not None
-        if driving:
-            self._drive()
+        if self._goal is not None:
+            self._drive(self._goal)
         states = tuple(arm.step(moving=not driving) for arm in self._arms)
         targets = np.array([self.place(i) for i in range(len(self._targets))])
         step = Step(self._time, states, targets, driving)
         if self._recorder is not None and self._recorder.open:
-            self._recorder.add(step, tuple(arm.solver for arm in self._arms))
+            self._recorder.add(step, tuple(arm.label for arm in self._arms))
         self._time += self._dt
         return step
 
     def record(self) -> None:
         """Begin a recording, in place of the last one."""
-        self._recorder = Recorder(self.source, self.file.text, self.levels, tuple(t.name for t in self._targets), self._dt)
+        self._recorder = Recorder(
+            self.source, self.file.text, self.levels, tuple(t.name for t in self._targets), self._dt
+        )
 
     def stop_recording(self) -> Recording:
         """End the recording and return it. Raises `SettingError` where nothing was recorded."""
@@ -266,13 +270,14 @@ class PlayLoop:
             raise SettingError(f"target is {target!r}; there are {names}.")
         return self._targets[target]
 
-    def _drive(self) -> None:
+    def _drive(self, goal: FloatArray) -> None:
+        """All arms one step nearer to goal (nq,), and their targets with them."""
         there = True
         for arm in self._arms:
-            away = arm.robot.difference(arm.robot.q, self._goal)
+            away = arm.robot.difference(arm.robot.q, goal)
             steps = float((np.abs(away) / (arm.fastest * self._dt)).max(initial=0.0))
             there = there and steps <= 1.0
-            arm.robot.update(self._goal if steps <= 1.0 else arm.robot.integrate(arm.robot.q, away, 1.0 / steps))
+            arm.robot.update(goal if steps <= 1.0 else arm.robot.integrate(arm.robot.q, away, 1.0 / steps))
             arm.rest()
         for arm in self._arms:
             rest_where_it_is(arm.stack, self._arms[0].robot)

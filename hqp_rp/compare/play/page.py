@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hqp_rp.compare.play.arm import called
 from hqp_rp.compare.play.loop import PlayLoop, Step
 from hqp_rp.compare.play.panel import panel
 from hqp_rp.compare.play.stage import Stage
@@ -47,8 +48,9 @@ DAMPINGS: dict[str, Callable[[float], LevelDamping | None]] = {
 
 _FRAME = 1.0 / 30.0
 _PANEL = 0.1
+_WIDTH = 340  # pixels
 _MOST_STEPS = 20  # of one frame: a loop that cannot keep up runs slower, and does not fall behind
-_MOST_PLACES = 12  # buttons of one kind of singularity
+_MOST_PLACES = 8  # buttons of one kind of singularity
 
 
 class PlayPage:
@@ -75,7 +77,7 @@ class PlayPage:
         self._stopped = threading.Event()
         self._threads: list[threading.Thread] = []
         self._starts = starts
-        self._solvers = {name: name for name in all_solvers()} | {_called(arm.solver): arm.solver for arm in loop.arms}
+        self._solvers = {name: name for name in all_solvers()} | {called(arm.solver): arm.solver for arm in loop.arms}
         self.step: Step | None = None
         self._stage = Stage(self._server, loop.robot.model, loop.arms[0].robot.q)
         for i, target in enumerate(loop.targets):
@@ -151,7 +153,7 @@ class PlayPage:
     def _draw(self, step: Step, with_panel: bool) -> None:
         self._stage.show([arm.robot.q for arm in self.loop.arms])
         if with_panel:
-            solvers = [repr(arm.solver) for arm in self.loop.arms]
+            solvers = [arm.label for arm in self.loop.arms]
             self._html.content = panel(self.loop.levels, step.arms, solvers, step.driving)
             self._chart.add(step.time, step.arms)
             self._chart.draw()
@@ -181,7 +183,11 @@ class PlayPage:
 
     def _build(self, file: str) -> None:
         gui = self._server.gui
-        gui.configure_theme(control_layout="fixed", control_width="large", show_share_button=False, show_logo=False)
+        gui.configure_theme(show_share_button=False, show_logo=False)
+        gui.main_panel.dock_right()
+        told = gui.add_panel()
+        told.dock_left()
+        told.set_width(_WIDTH)
         with gui.add_folder("Solver"):
             self._choices = [self._choice(gui, 0, "solver")]
             self._choices.append(self._choice(gui, 1, "ghost"))
@@ -191,10 +197,10 @@ class PlayPage:
             )
         meet.on_click(lambda _: self._changes.put(self.loop.meet))
         limits.on_update(self._asked(lambda: self.loop.hold_joint_limits(limits.value, self._dampings())))
-        with gui.add_folder("What each level pays"):
+        tab = told.add_tab("What each level pays")
+        with tab:
             self._html = gui.add_html("")
-        with gui.add_folder("Strip chart"):
-            self._chart = StripChart(gui, self.loop.levels)
+        self._chart = StripChart(gui, tab, self.loop.levels)
         self._singularities = gui.add_folder("Singularities")
         with self._singularities:
             self._found = gui.add_markdown("Searching ..." if self._starts else "Not searched for (--starts 0).")
@@ -213,7 +219,7 @@ class PlayPage:
         """Solver, damping and its factor of one arm."""
         arms = self.loop.arms
         names = [*([NOBODY] if arm else []), *self._solvers]
-        now = _called(arms[arm].solver) if arm < len(arms) else NOBODY
+        now = called(arms[arm].solver) if arm < len(arms) else NOBODY
         solver = gui.add_dropdown(label, tuple(dict.fromkeys(names)), initial_value=now)
         damping = gui.add_dropdown("damping", tuple(DAMPINGS), initial_value=AS_GIVEN)
         factor = gui.add_slider("log10 factor", min=-5.0, max=0.0, step=0.1, initial_value=-1.0)
@@ -294,8 +300,3 @@ class PlayPage:
         self._record.label = "Record"
         path = recording.save(pathlib.Path(user_path(self._file.value)))
         self._tell(f"{path}: {recording!r}. Show it again: hqp-rp replay {path}", "Saved")
-
-
-def _called(solver: Solver) -> str:
-    """The solver's name where its settings are the default, otherwise its repr."""
-    return solver.name if all_solvers().get(solver.name) is type(solver) and solver == type(solver)() else repr(solver)

@@ -19,7 +19,6 @@ from hqp_rp.control.command import Mode
 from hqp_rp.core.errors import FileError, HqpError, SettingError
 from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.solver import Solver
 from hqp_rp.robot.robot_source import RobotSource
 
 if TYPE_CHECKING:
@@ -51,8 +50,8 @@ class Recording:
         error, residual, rank, rows, sigma_min: (S, a, p), as in `ArmState`.
         speed, share, bounded, solve_time: (S, a), as in `ArmState`.
         mode: (S, a) position in `hqp_rp.control.command.Mode`, -1 where there was no such arm.
-        solver, status, reason, limits: (S, a) positions in `words`: the solver's repr and the words of `ArmState`; limits joined
-            by "; ".
+        solver, status, reason, limits: (S, a) positions in `words`: `Arm.label` and the words of `ArmState`, limits
+            joined by "; ".
         words: every text that occurs.
 
     Where a step had no ghost its numbers are nan.
@@ -92,7 +91,7 @@ class Recording:
         return int(self.q.shape[1])
 
     def solver_of(self, step: int, arm: int = 0) -> str:
-        """The solver of this arm at this step, as its repr."""
+        """What the solver of this arm was called at this step (`Arm.label`)."""
         return self.words[int(self.solver[step, arm])]
 
     def state(self, step: int, arm: int = 0) -> ArmState | None:
@@ -162,7 +161,9 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
     if str(arrays.get("format")) != FORMAT:
         raise FileError(f"{source}: not a recording of hqp-rp play.")
     if str(arrays.get("version")) != str(VERSION):
-        raise FileError(f"{source}: format version {arrays.get('version')}; this release of hqp_rp reads version {VERSION}.")
+        raise FileError(
+            f"{source}: format version {arrays.get('version')}; this release of hqp_rp reads version {VERSION}."
+        )
     try:
         values = {
             field.name: json.loads(str(arrays[field.name])) if field.name in _AS_JSON else arrays[field.name]
@@ -192,16 +193,17 @@ def is_recording(path: str | os.PathLike[str]) -> bool:
 def _require_fit(recording: Recording) -> None:
     """Raises `ValueError` where sizes or texts do not fit together."""
     steps, arms, p = len(recording.time), recording.arms, len(recording.levels)
-    shapes = dict.fromkeys(_PER_LEVEL, (steps, arms, p)) | dict.fromkeys((*_PER_ARM, *_WORDS, "mode"), (steps, arms))
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(_PER_LEVEL, (steps, arms, p))
+    shapes |= dict.fromkeys((*_PER_ARM, *_WORDS, "mode"), (steps, arms))
     shapes |= {"place": (steps, len(recording.targets), 7), "driving": (steps,)}
     for name, shape in shapes.items():
         if getattr(recording, name).shape != shape:
             raise ValueError(f"{name} has shape {getattr(recording, name).shape}, not {shape}")
     for name in _WORDS:
         numbers = getattr(recording, name)
-        if numbers.size and not (0 <= numbers.min() and numbers.max() < len(recording.words)):
+        if numbers.size and not (numbers.min() >= 0 and numbers.max() < len(recording.words)):
             raise ValueError(f"{name} names a text that is not there")
-    if recording.mode.size and not (-1 <= recording.mode.min() and recording.mode.max() < len(_MODES)):
+    if recording.mode.size and not (recording.mode.min() >= -1 and recording.mode.max() < len(_MODES)):
         raise ValueError("mode is none that is known")
 
 
@@ -223,9 +225,9 @@ class Recorder:
     def __len__(self) -> int:
         return len(self._steps)
 
-    def add(self, step: Step, solvers: Sequence[Solver]) -> None:
-        """One more step, with the solver of each arm."""
-        self._steps.append((step, tuple(map(repr, solvers))))
+    def add(self, step: Step, solvers: Sequence[str]) -> None:
+        """One more step, with what the solver of each arm is called."""
+        self._steps.append((step, tuple(solvers)))
         self.open = len(self._steps) < MOST_STEPS
 
     def recording(self) -> Recording:

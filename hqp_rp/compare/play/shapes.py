@@ -35,22 +35,22 @@ class Shape:
 def shapes_of(model: mujoco.MjModel) -> tuple[Shape, ...]:
     """Boxes, spheres, capsules, cylinders, ellipsoids and meshes of a model, those that MuJoCo's viewers show at first.
 
-    Where a model shows none, all. Planes, height fields and signed distance fields are left out.
+    Where a model shows none of these, all that are not wholly transparent. Planes, height fields and signed distance fields are left out.
     """
-    everything = range(model.ngeom)
-    shown = [g for g in everything if model.geom_group[g] < _HIDDEN_GROUP and model.geom_rgba[g, 3] > 0.0]
+    seen = {
+        g: made for g in range(model.ngeom) if model.geom_rgba[g, 3] > 0.0 and (made := _surface(model, g)) is not None
+    }
     found = []
-    for g in shown or everything:
-        made = _surface(model, g)
-        if made is None:
-            continue
-        vertices, faces = made
+    for g in [g for g in seen if model.geom_group[g] < _HIDDEN_GROUP] or seen:
+        vertices, faces = seen[g]
         R = np.empty(9)
         mujoco.mju_quat2Mat(R, model.geom_quat[g])
         vertices = vertices @ R.reshape(3, 3).T + model.geom_pos[g]
         color = np.array(model.geom_rgba[g], dtype=np.float64)
         material = int(model.geom_matid[g])
-        if material >= 0 and (color == 0.5).all(where=[True, True, True, False]):  # MuJoCo's default: the material counts
+        if material >= 0 and (color == 0.5).all(
+            where=[True, True, True, False]
+        ):  # MuJoCo's default: the material counts
             color = np.array(model.mat_rgba[material], dtype=np.float64)
         found.append(Shape(model.geom(g).name or f"geom {g}", int(model.geom_bodyid[g]), vertices, faces, color))
     return tuple(found)

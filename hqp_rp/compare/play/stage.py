@@ -39,7 +39,7 @@ class Stage:
             position=(float(middle[0]), float(middle[1]), min(float(low[2]), 0.0)),
         )  # fmt: skip
         server.initial_camera.look_at = tuple(middle.tolist())
-        server.initial_camera.position = tuple((middle + self._size * np.array([1.3, -1.1, 0.8])).tolist())
+        server.initial_camera.position = tuple((middle + self._size * np.array([0.9, -0.9, 0.5])).tolist())
 
     def _extent(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Corners (3,) of the box around all that is drawn."""
@@ -86,12 +86,16 @@ class Stage:
             )
         return found
 
-    def add_gizmo(self, target: Target, place: FloatArray, dragged: Callable[[FloatArray, FloatArray], None] | None) -> None:
+    def add_gizmo(
+        self, target: Target, place: FloatArray, dragged: Callable[[FloatArray, FloatArray], None] | None
+    ) -> None:
         """Something to drag; `dragged` is told position (3,) and quaternion (4,). None: it shows where the target is."""
         axes = tuple(a or b for a, b in zip(target.moves, target.turns, strict=True))
         name = f"/targets/{len(self._gizmos)}"
         if dragged is None:
-            self._gizmos.append(self._server.scene.add_frame(name, axes_length=0.12 * self._size, axes_radius=0.005 * self._size))
+            self._gizmos.append(
+                self._server.scene.add_frame(name, axes_length=0.12 * self._size, axes_radius=0.005 * self._size)
+            )
         else:
             moves, turns = any(target.moves), any(target.turns)
             gizmo = self._server.scene.add_transform_controls(

@@ -30,7 +30,7 @@ class Target:
     """A place to drag, which one or several tasks bring their frame to.
 
     Attributes:
-        name: what the page calls it: the frame, with the point of the frame where it is not the origin, or a look-at task's name.
+        name: what the page calls it: the frame, with its point where that is not the origin, or a look-at task's name.
         frame: the frame that its tasks bring there; for a look-at task, the one that looks.
         tasks: (level, item) of each task in the stack.
         moves, turns: along which of x, y, z it can be moved, and about which turned.
@@ -88,7 +88,9 @@ def targets_of(stack: Stack) -> tuple[Target, ...]:
             anywhere = task.expressed_in != "world"
             for axes, names in ((moves, _LINEAR), (turns, _ANGULAR)):
                 own_axes = any(axis in task.axes for axis in names)
-                axes[:] = [was or axis in task.axes or (anywhere and own_axes) for was, axis in zip(axes, names, strict=True)]
+                axes[:] = [
+                    was or axis in task.axes or (anywhere and own_axes) for was, axis in zip(axes, names, strict=True)
+                ]
     return tuple(
         Target(name, frame, tuple(tasks), (moves[0], moves[1], moves[2]), (turns[0], turns[1], turns[2]))
         for name, frame, tasks, moves, turns in found.values()

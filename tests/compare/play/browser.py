@@ -35,7 +35,13 @@ class Browser:
     def __init__(self, folder: pathlib.Path, width: int = 1400, height: int = 900) -> None:
         assert CHROMIUM is not None
         self._profile = folder / "profile"
-        command = [CHROMIUM, *_FLAGS, f"--user-data-dir={self._profile}", f"--window-size={width},{height}", "about:blank"]
+        command = [
+            CHROMIUM,
+            *_FLAGS,
+            f"--user-data-dir={self._profile}",
+            f"--window-size={width},{height}",
+            "about:blank",
+        ]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self._size = width, height
         self._number = 0
@@ -114,7 +120,8 @@ class Browser:
         name = {"moved": "mouseMoved", "pressed": "mousePressed", "released": "mouseReleased"}[kind]
         button = "none" if kind == "moved" and not pressed else "left"
         self.call(
-            "Input.dispatchMouseEvent", type=name, x=x, y=y, button=button, buttons=int(pressed), clickCount=int(kind != "moved")
+            "Input.dispatchMouseEvent", type=name, x=x, y=y, button=button, buttons=int(pressed),
+            clickCount=int(kind != "moved"),
         )  # fmt: skip
 
     def click(self, x: float, y: float) -> None:
@@ -129,7 +136,8 @@ class Browser:
         time.sleep(0.3)  # what is under the mouse is found when a frame is drawn
         self.mouse("pressed", *start, True)
         for k in range(1, steps + 1):
-            self.mouse("moved", *(a + (b - a) * k / steps for a, b in zip(start, end, strict=True)), True)
+            x, y = (a + (b - a) * k / steps for a, b in zip(start, end, strict=True))
+            self.mouse("moved", x, y, True)
             time.sleep(0.05)
         self.mouse("released", *end)
 
