@@ -35,7 +35,8 @@ class Shape:
 def shapes_of(model: mujoco.MjModel) -> tuple[Shape, ...]:
     """Boxes, spheres, capsules, cylinders, ellipsoids and meshes of a model, those that MuJoCo's viewers show at first.
 
-    Where a model shows none of these, all that are not wholly transparent. Planes, height fields and signed distance fields are left out.
+    Where a model shows none of these, all that are not wholly transparent. Planes, height fields and signed
+    distance fields are left out.
     """
     seen = {
         g: made for g in range(model.ngeom) if model.geom_rgba[g, 3] > 0.0 and (made := _surface(model, g)) is not None

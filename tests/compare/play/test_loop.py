@@ -88,10 +88,10 @@ def test_a_drag_sets_the_targets_of_all_its_tasks_on_the_arm_and_on_the_ghost() 
 def test_a_pose_task_keeps_the_half_that_is_not_dragged() -> None:
     loop = stack_loop('[[level]]\n[[level.task]]\ntype = "pose"\nframe = "tool"\naxes = ["x", "y", "rz"]')
     before = loop.place(0)
-    loop.drag(0, position=[*before[:3], 0.0, 0.1, 0.0])
+    loop.drag(0, position=before[:3] + np.array([0.0, 0.1, 0.0]))
     np.testing.assert_allclose(loop.place(0) - before, [0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-12)
     loop.drag(0, quaternion=[1.0, 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(loop.place(0)[:3], [*before[:3], 0.0, 0.1, 0.0], atol=1e-12)
+    np.testing.assert_allclose(loop.place(0)[:3], before[:3] + np.array([0.0, 0.1, 0.0]), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_a_rotation_becomes_its_quaternion() -> None:
 
 def test_the_tool_follows_its_target_and_the_error_falls_as_the_gain_says() -> None:
     loop = sawyer()
-    loop.drag(0, position=[*loop.place(0)[:3], 0.0, 0.01, 0.0])
+    loop.drag(0, position=loop.place(0)[:3] + np.array([0.0, 0.01, 0.0]))
     first = loop.step()
     assert first.arms[0].error[0] == pytest.approx(0.01, rel=1e-9)
     steps = [loop.step() for _ in range(100)]
@@ -133,7 +133,7 @@ def test_the_tool_follows_its_target_and_the_error_falls_as_the_gain_says() -> N
 
 def test_what_is_said_of_a_level_is_what_the_solution_says() -> None:
     loop = sawyer()
-    loop.drag(0, position=[*loop.place(0)[:3], 0.1, 0.1, 0.0])
+    loop.drag(0, position=loop.place(0)[:3] + np.array([0.1, 0.1, 0.0]))
     arm = loop.arms[0]
     solution = hqp_rp.solve(arm.stack.problem(arm.robot, loop.dt), "null_space")
     state = loop.step().arms[0]
@@ -145,7 +145,7 @@ def test_what_is_said_of_a_level_is_what_the_solution_says() -> None:
 
 def test_no_joint_is_moved_faster_than_it_can_and_the_share_is_told() -> None:
     loop = sawyer()
-    loop.drag(0, position=[*loop.place(0)[:3], 3.0, 3.0, 3.0])
+    loop.drag(0, position=loop.place(0)[:3] + np.array([3.0, 3.0, 3.0]))
     arm = loop.arms[0]
     state = loop.step().arms[0]
     moved = np.abs(arm.robot.difference(state.q, arm.robot.q)) / loop.dt
@@ -174,7 +174,7 @@ def test_joint_limits_as_hard_rows_are_refused_by_a_closed_form_in_words_and_hel
     assert math.isnan(state.speed)
     np.testing.assert_array_equal(state.rank, [3, 3, 1])  # what the problem alone says
     loop.choose("hierarchical_active_set", ErrorDamping(0.01))
-    loop.drag(0, position=[*loop.place(0)[:3], 1.5, 1.5, 1.5])
+    loop.drag(0, position=loop.place(0)[:3] + np.array([1.5, 1.5, 1.5]))
     state = loop.step().arms[0]
     assert (state.mode, state.bounded) == (Mode.RUNNING, 7)
     assert any("joint" in word and word.endswith(("upper", "lower")) for word in state.limits)
@@ -184,7 +184,7 @@ def test_joint_limits_as_hard_rows_are_refused_by_a_closed_form_in_words_and_hel
 
 def test_an_arm_without_an_answer_brakes_and_goes_on_when_it_is_answered() -> None:
     loop = sawyer()
-    loop.drag(0, position=[*loop.place(0)[:3], 0.3, 0.3, 0.0])
+    loop.drag(0, position=loop.place(0)[:3] + np.array([0.3, 0.3, 0.0]))
     for _ in range(20):
         loop.step()
     arm = loop.arms[0]
@@ -204,7 +204,7 @@ def test_an_arm_without_an_answer_brakes_and_goes_on_when_it_is_answered() -> No
 
 def test_two_solvers_go_side_by_side_from_one_configuration() -> None:
     loop = sawyer()
-    loop.drag(0, position=[*loop.place(0)[:3], 0.3, 0.3, 0.0])
+    loop.drag(0, position=loop.place(0)[:3] + np.array([0.3, 0.3, 0.0]))
     for _ in range(10):
         loop.step()
     loop.compare_with("reverse_priority")
@@ -221,7 +221,7 @@ def test_two_solvers_go_side_by_side_from_one_configuration() -> None:
 
 def test_a_ghost_of_the_same_solver_stays_with_the_arm() -> None:
     loop = sawyer(beside="null_space")
-    loop.drag(0, position=[*loop.place(0)[:3], 0.3, 0.3, 0.0])
+    loop.drag(0, position=loop.place(0)[:3] + np.array([0.3, 0.3, 0.0]))
     last = [loop.step() for _ in range(50)][-1]
     np.testing.assert_array_equal(last.arms[0].q, last.arms[1].q)
 
@@ -238,7 +238,7 @@ def test_damping_goes_to_the_solver_that_has_one_and_else_to_the_levels() -> Non
     assert loop.arms[0].stack.damping == (ErrorDamping(0.1),) * 3
     assert loop.arms[0].label.startswith("hierarchical_active_set, levels damped by ")
     loop.choose(None, None)
-    assert loop.arms[0].stack.damping == (None,) * 3
+    assert not any(loop.arms[0].stack.damping)
 
 
 def test_a_damping_that_a_solver_does_not_take_is_refused_and_nothing_changes() -> None:

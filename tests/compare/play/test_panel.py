@@ -6,6 +6,7 @@ import dataclasses
 import math
 import re
 from html.parser import HTMLParser
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,7 +92,8 @@ class Gui:
         self.charts: list[Gui] = []
         self.removed = False
         self.value = QUANTITIES["error"]
-        self.data: object = None
+        self.data: Any = None
+        self.series: Any = None
 
     def __enter__(self) -> Gui:
         return self
@@ -102,9 +104,9 @@ class Gui:
         assert initial_value in options
         return self
 
-    def add_uplot(self, data: object, series: tuple[dict[str, object], ...], **settings: object) -> Gui:
+    def add_uplot(self, data: Any, series: Any, **settings: object) -> Gui:
         chart = Gui()
-        chart.data, chart.series = data, series  # type: ignore[attr-defined]
+        chart.data, chart.series = data, series
         self.charts.append(chart)
         return chart
 
@@ -121,12 +123,12 @@ def test_a_strip_chart_keeps_the_last_seconds_and_draws_one_curve_a_level_and_so
         chart.add(0.1 * i, [STATE, None])
     chart.draw()
     (drawn,) = gui.charts
-    time, *curves = drawn.data  # type: ignore[misc]
+    time, *curves = drawn.data
     assert (time[0], time[-1]) == (pytest.approx(7.9), pytest.approx(9.9))
     assert len(curves) == 4
     np.testing.assert_allclose(curves[0], -3.0)
     assert np.isnan(curves[1:]).all()  # the second level has no error; there is no ghost
-    assert [one["label"] for one in drawn.series] == [  # type: ignore[attr-defined]
+    assert [one["label"] for one in drawn.series] == [
         "t (s)", "1 first", "2 second", "1 first ghost", "2 second ghost",
     ]  # fmt: skip
     chart.draw()
@@ -136,7 +138,7 @@ def test_a_strip_chart_keeps_the_last_seconds_and_draws_one_curve_a_level_and_so
     chart.draw()
     assert drawn.removed
     speeds = gui.charts[1].data
-    assert [curve[-1] for curve in speeds[1:]] == [math.log10(FLOOR), 0.0]  # type: ignore[index]
+    assert [curve[-1] for curve in speeds[1:]] == [math.log10(FLOOR), 0.0]
     chart.add(0.0, [STATE])  # played again from the beginning
     chart.draw()
-    assert len(gui.charts[2].data[0]) == 1  # type: ignore[index]
+    assert len(gui.charts[2].data[0]) == 1

@@ -25,7 +25,7 @@ def run() -> tuple[Recording, list[Step]]:
     """An arm; then a ghost beside it; another solver; a drive; hard rows that the closed form refuses."""
     loop = PlayLoop(RobotSource("sawyer"), load_stack("sawyer"), "null_space")
     loop.record()
-    loop.drag(0, position=[*loop.place(0)[:3], 0.1, 0.1, 0.0])
+    loop.drag(0, position=loop.place(0)[:3] + np.array([0.1, 0.1, 0.0]))
     steps = [loop.step() for _ in range(10)]
     loop.compare_with("reverse_priority")
     steps += [loop.step() for _ in range(10)]
@@ -156,7 +156,9 @@ def test_the_figure_shows_each_level_of_each_solver_and_what_happened(recorded: 
     errors, sigmas, speeds, limits = figure.axes
     changes = 1 + 1  # the arm's damping; then its limits, which put the damping back to what was given
     assert len(errors.lines) == len(sigmas.lines) == 2 * 3 + changes
-    np.testing.assert_allclose(errors.lines[0].get_ydata(), np.maximum(recording.error[:, 0, 0], 1e-12))
+    np.testing.assert_allclose(
+        np.asarray(errors.lines[0].get_ydata(), dtype=float), np.maximum(recording.error[:, 0, 0], 1e-12)
+    )
     np.testing.assert_array_equal(errors.lines[0].get_xdata(), recording.time)
     assert np.isnan(np.asarray(errors.lines[3].get_ydata(), dtype=float)[:10]).all()  # no ghost yet
     assert errors.get_yscale() == sigmas.get_yscale() == speeds.get_yscale() == "log"
