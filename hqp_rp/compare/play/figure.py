@@ -32,6 +32,7 @@ def figure_of(recording: Recording) -> Figure:
     require("A figure", "matplotlib")
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(9.0, 8.0), layout="constrained")
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(3, 3, 2, 1))
@@ -51,8 +52,9 @@ def figure_of(recording: Recording) -> Figure:
     axes[2].set_yscale("log")
     axes[2].set_ylabel("|v| asked\n(rad/s, m/s)")
     axes[3].set_ylabel("rows at\na bound")
-    axes[3].set_ylim(bottom=0.0)
-    axes[3].yaxis.get_major_locator().set_params(integer=True)
+    most = max((np.nanmax(_limits(recording, arm)) for arm in arms), default=0.0)
+    axes[3].set_ylim(0.0, 1.1 * max(float(most), 1.0))
+    axes[3].yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
     axes[3].set_xlabel("time (s)")
     for axis in axes:
         axis.grid(alpha=0.25)

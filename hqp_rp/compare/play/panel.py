@@ -61,7 +61,9 @@ def _told(state: ArmState, driving: bool) -> str:
         what = state.reason
     else:
         what = state.status.capitalize().replace("_", " ")
-        what += "." if state.share == 1.0 else f"; moved at {state.share:.2g} of it, as fast as the joints go."
+        what += (
+            "." if state.share == 1.0 else f"; moved at {100.0 * state.share:.3g} % of it, as fast as the joints go."
+        )
     wrong = state.mode is not Mode.RUNNING and not driving
     style = f"color: {_WRONG}; font-weight: 600" if wrong else ""
     return f'<div style="min-height: 1.4em; {style}">{html.escape(what)}</div>'

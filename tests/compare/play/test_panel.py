@@ -79,7 +79,7 @@ def test_words_of_others_are_escaped() -> None:
 def test_what_happened_is_said_in_a_sentence() -> None:
     assert "Solved." in words(panel(["a", "b"], [STATE], ["s"]))
     slow = dataclasses.replace(STATE, share=0.25)
-    assert "Solved; moved at 0.25 of it, as fast as the joints go." in words(panel(["a", "b"], [slow], ["s"]))
+    assert "Solved; moved at 25 % of it, as fast as the joints go." in words(panel(["a", "b"], [slow], ["s"]))
     assert "Driven to a configuration." in words(panel(["a", "b"], [STATE], ["s"], driving=True))
     many = dataclasses.replace(STATE, limits=tuple(f"j{i}" for i in range(6)), bounded=12)
     assert "j0; j1; j2; j3; ..." in words(panel(["a", "b"], [many], ["s"]))

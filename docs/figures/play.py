@@ -1,0 +1,47 @@
+"""Draws docs/figures/play.png and play_figure.png: `PYTHONPATH=. python docs/figures/play.py`, a minute; needs Chromium and viser."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+from hqp_rp import get_solver
+from hqp_rp.compare.play.command import page_of, save_figure
+from hqp_rp.core.damping import ConstantDamping
+from tests.compare.play.browser import Browser
+
+HERE = Path(__file__).parent
+
+
+def main() -> None:
+    page = page_of("sawyer", None, ["null_space", get_solver("null_space", damping=ConstantDamping(0.1))], port=0)
+    loop = page.loop
+    page.start()
+    try:
+        with tempfile.TemporaryDirectory() as folder, Browser(Path(folder)) as browser:
+            browser.open(page.address)
+            browser.wait_for('document.body.textContent.includes("found. A button")')
+            time.sleep(8.0)  # the scene fades in
+            place = loop.catalogue.of(1)[2]
+            loop.record()
+            page._changes.put(lambda: loop.drive_to(place))
+            time.sleep(1.0)
+            while loop.driving:
+                time.sleep(0.01)
+            time.sleep(0.5)
+            start = loop.place(0)[:3]
+            for k in range(1, 31):
+                page._changes.put(lambda k=k: loop.drag(0, position=start + [0.0, -0.004 * k, 0.0]))
+                time.sleep(0.05)
+            page._changes.put(page._put_gizmos)
+            recording = loop.stop_recording()
+            browser.evaluate('document.querySelectorAll(".mantine-Notification-root").forEach((e) => e.remove())')
+            browser.screenshot(HERE / "play.png")
+        save_figure(recording, HERE / "play_figure.png")
+    finally:
+        page.stop()
+
+
+if __name__ == "__main__":
+    main()
