@@ -1,7 +1,8 @@
-"""Draws docs/figures/play.png and play_figure.png: `PYTHONPATH=. python docs/figures/play.py`, a minute; needs Chromium and viser."""
+"""Draws docs/figures/play.png and play_figure.png: `PYTHONPATH=. python docs/figures/play.py`; needs Chromium and viser."""
 
 from __future__ import annotations
 
+import functools
 import tempfile
 import time
 from pathlib import Path
@@ -22,7 +23,8 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder, Browser(Path(folder)) as browser:
             browser.open(page.address)
             browser.wait_for('document.body.textContent.includes("found. A button")')
-            time.sleep(8.0)  # the scene fades in
+            time.sleep(30.0)  # the scene fades in
+            assert loop.catalogue is not None
             place = loop.catalogue.of(1)[2]
             loop.record()
             page._changes.put(lambda: loop.drive_to(place))
@@ -32,7 +34,7 @@ def main() -> None:
             time.sleep(0.5)
             start = loop.place(0)[:3]
             for k in range(1, 31):
-                page._changes.put(lambda k=k: loop.drag(0, position=start + [0.0, -0.004 * k, 0.0]))
+                page._changes.put(functools.partial(loop.drag, 0, position=start - (0.0, 0.004 * k, 0.0)))
                 time.sleep(0.05)
             page._changes.put(page._put_gizmos)
             recording = loop.stop_recording()
