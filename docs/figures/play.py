@@ -7,12 +7,25 @@ import tempfile
 import time
 from pathlib import Path
 
+from matplotlib.image import imread
+
 from hqp_rp import get_solver
 from hqp_rp.compare.play.command import page_of, save_figure
 from hqp_rp.core.damping import ConstantDamping
 from tests.compare.play.browser import Browser
 
 HERE = Path(__file__).parent
+
+
+def wait_for_the_scene(browser: Browser, folder: Path) -> None:
+    """Until the scene has faded in: frame by frame, which takes its time without a graphics card."""
+    for _ in range(120):
+        browser.screenshot(folder / "scene.png")
+        picture = imread(folder / "scene.png")
+        if picture[200:700, 400:1000, :3].min() < 0.3:
+            return
+        time.sleep(1.0)
+    raise TimeoutError("the scene stays pale.")
 
 
 def main() -> None:
@@ -23,7 +36,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder, Browser(Path(folder)) as browser:
             browser.open(page.address)
             browser.wait_for('document.body.textContent.includes("found. A button")')
-            time.sleep(30.0)  # the scene fades in
+            wait_for_the_scene(browser, Path(folder))
             assert loop.catalogue is not None
             place = loop.catalogue.of(1)[2]
             loop.record()
@@ -38,6 +51,8 @@ def main() -> None:
                 time.sleep(0.05)
             page._changes.put(page._put_gizmos)
             recording = loop.stop_recording()
+            page._running.value = False
+            time.sleep(10.0)  # until that is drawn
             browser.evaluate('document.querySelectorAll(".mantine-Notification-root").forEach((e) => e.remove())')
             browser.screenshot(HERE / "play.png")
         save_figure(recording, HERE / "play_figure.png")

@@ -122,7 +122,8 @@ class PlayPage:
         while not self._stopped.is_set():
             self._change()
             now = time.monotonic()
-            behind, last = min(behind + now - last, _MOST_STEPS * self.loop.dt), now
+            passed = now - last if self._running.value else 0.0
+            behind, last = min(behind + passed, _MOST_STEPS * self.loop.dt), now
             while behind >= self.loop.dt:
                 was_driving = self.loop.driving
                 self.step = self.loop.step()
@@ -188,6 +189,9 @@ class PlayPage:
         told = gui.add_panel()
         told.dock_left()
         told.set_width(_WIDTH)
+        self._running = gui.add_checkbox(
+            "running", True, hint="Off, time stands still: look, turn the picture, drag ahead."
+        )
         with gui.add_folder("Solver"):
             self._choices = [self._choice(gui, 0, "solver")]
             self._choices.append(self._choice(gui, 1, "ghost"))

@@ -127,6 +127,20 @@ def test_the_loop_keeps_pace_with_the_clock() -> None:
 
 
 @needs_viser
+def test_time_stands_still_where_it_is_asked_to() -> None:
+    with running(page("planar4", starts=0)) as shown:
+        until(lambda: shown.loop.time > 0.1)
+        shown._running.value = False
+        time.sleep(0.3)
+        stopped = shown.loop.time
+        time.sleep(0.3)
+        assert shown.loop.time == stopped
+        shown._running.value = True
+        until(lambda: shown.loop.time > stopped)
+        assert shown.loop.time < stopped + 0.3  # and nothing is caught up with
+
+
+@needs_viser
 def test_a_recording_is_made_on_the_page_and_shown_again(tmp_path: Path) -> None:
     from hqp_rp.compare.play.replay_page import ReplayPage
 
