@@ -154,6 +154,9 @@ class PlayPage:
     def _draw(self, step: Step, with_panel: bool) -> None:
         self._stage.show([arm.robot.q for arm in self.loop.arms])
         if with_panel:
+            for i, target in enumerate(self.loop.targets):
+                if not any(target.moves):  # a ring alone goes with its frame
+                    self._stage.put_gizmo(i, np.append(self._gizmo_place(i)[:3], np.full(4, np.nan)))
             solvers = [arm.label for arm in self.loop.arms]
             self._html.content = panel(self.loop.levels, step.arms, solvers, step.driving)
             self._chart.add(step.time, step.arms)

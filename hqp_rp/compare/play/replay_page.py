@@ -15,6 +15,7 @@ from hqp_rp.compare.play.targets import targets_of
 from hqp_rp.compare.play.viser_server import serve
 from hqp_rp.control.stack_file import parse_stack
 from hqp_rp.core.errors import FileError
+from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.mujoco_robot import MujocoRobot
 
 _FRAME = 1.0 / 30.0
@@ -49,8 +50,9 @@ class ReplayPage:
         self._thread: threading.Thread | None = None
         self._shown, self._charted = -1, -1
         self._stage = Stage(self._server, robot.model, recording.q[0, 0])
-        for target, place in zip(targets_of(stack), recording.place[0], strict=True):
-            self._stage.add_gizmo(target, place, None)
+        self._robot, self._targets = robot, targets_of(stack)
+        for i, target in enumerate(self._targets):
+            self._stage.add_gizmo(target, self._place(0, i), None)
         gui = self._server.gui
         gui.configure_theme(show_share_button=False, show_logo=False)
         gui.main_panel.dock_right()
@@ -108,6 +110,14 @@ class ReplayPage:
             self._thread.join(timeout=10.0)
         self._server.stop()
 
+    def _place(self, step: int, target: int) -> FloatArray:
+        """(7,) where a target was; one that only turns its frame, at the frame."""
+        place: FloatArray = self.recording.place[step, target].copy()
+        if not np.isfinite(place[:3]).all():
+            self._robot.update(self.recording.q[step, 0])
+            place[:3] = self._robot.pose(self._targets[target].frame)[1]
+        return place
+
     def show(self, step: int, *, with_panel: bool = True) -> None:
         """Show this step."""
         recording = self.recording
@@ -115,9 +125,8 @@ class ReplayPage:
         there = [(i, state) for i, state in enumerate(states) if state is not None]
         if step != self._shown:
             self._stage.show([state.q for _, state in there])
-            for i, place in enumerate(recording.place[step]):
-                if np.isfinite(place[:3]).all():
-                    self._stage.put_gizmo(i, place)
+            for i in range(len(self._targets)):
+                self._stage.put_gizmo(i, self._place(step, i))
             self._shown = step
         if with_panel and step != self._charted:
             solvers = [recording.solver_of(step, i) for i, _ in there]

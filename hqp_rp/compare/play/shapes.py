@@ -8,10 +8,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hqp_rp.control.pointing_task import basis_with
 from hqp_rp.core.problem import FloatArray
 
 _SIDES = 24  # around
 _RINGS = 8  # of a half sphere
+_GREY = np.array([0.5, 0.5, 0.5, 1.0])
 _HIDDEN_GROUP = 3  # MuJoCo's viewers show geoms of groups 0 to 2
 
 
@@ -57,6 +59,32 @@ def shapes_of(model: mujoco.MjModel) -> tuple[Shape, ...]:
     return tuple(found)
 
 
+def skeleton_of(model: mujoco.MjModel) -> tuple[Shape, ...]:
+    """Bars from each body's origin to those of the bodies that hang on it: what is drawn of a model without geometry.
+
+    MuJoCo keeps of a URDF what collides, and drops what is only to be seen.
+    """
+    reach = np.linalg.norm(model.body_pos[1:], axis=1)
+    radius = 0.06 * float(reach.max(initial=0.0)) or 0.05
+    found = []
+    for body in range(1, model.nbody):
+        name, parent, end = model.body(body).name, int(model.body_parentid[body]), np.array(model.body_pos[body])
+        length = float(np.linalg.norm(end))
+        ball, faces = revolved(1.5 * radius * _ball())
+        found.append(Shape(f"joint of {name}", body, ball, faces, _GREY))
+        if length > radius:
+            bar, faces = revolved(np.array([[0.0, length], [radius, length], [radius, 0.0], [0.0, 0.0]]))
+            found.append(Shape(f"bar to {name}", parent, bar @ basis_with(end / length).T, faces, _GREY))
+    return tuple(found)
+
+
+def _ball() -> FloatArray:
+    """(radius, height) of half a circle of radius 1, from pole to pole."""
+    around = np.linspace(0.0, np.pi, 2 * _RINGS + 1)
+    profile: FloatArray = np.stack([np.sin(around), np.cos(around)], axis=1)
+    return profile
+
+
 def _surface(model: mujoco.MjModel, g: int) -> tuple[FloatArray, NDArray[np.int64]] | None:
     """Vertices and faces of a geom in its own axes; None for a kind that is not drawn."""
     kind, (a, b, c) = int(model.geom_type[g]), model.geom_size[g].tolist()
@@ -65,9 +93,8 @@ def _surface(model: mujoco.MjModel, g: int) -> tuple[FloatArray, NDArray[np.int6
         return _mesh(model, int(model.geom_dataid[g]))
     if kind == geoms.mjGEOM_BOX:
         return box(a, b, c)
-    around = np.linspace(0.0, np.pi / 2, _RINGS + 1)
-    cap = np.stack([np.sin(around), np.cos(around)], axis=1)  # (radius, height), from the pole to the equator
-    ball = np.concatenate([cap, (cap * (1.0, -1.0))[-2::-1]])
+    ball = _ball()
+    cap = ball[: _RINGS + 1]  # from the pole to the equator
     if kind == geoms.mjGEOM_SPHERE:
         return revolved(a * ball)
     if kind == geoms.mjGEOM_ELLIPSOID:

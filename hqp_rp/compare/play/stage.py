@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from hqp_rp.compare.play.panel import COLORS
-from hqp_rp.compare.play.shapes import shapes_of
+from hqp_rp.compare.play.shapes import shapes_of, skeleton_of
 from hqp_rp.compare.play.targets import Target
 from hqp_rp.core.problem import FloatArray
 
@@ -27,7 +27,7 @@ class Stage:
     def __init__(self, server: Any, model: mujoco.MjModel, q: FloatArray) -> None:
         self._server, self._model = server, model
         self._data = mujoco.MjData(model)
-        self._shapes = shapes_of(model)
+        self._shapes = shapes_of(model) or skeleton_of(model)
         self._bodies: list[dict[int, Any]] = []
         self._gizmos: list[Any] = []
         low, high = self._extent(q)
@@ -90,7 +90,6 @@ class Stage:
         self, target: Target, place: FloatArray, dragged: Callable[[FloatArray, FloatArray], None] | None
     ) -> None:
         """Something to drag; `dragged` is told position (3,) and quaternion (4,). None: it shows where the target is."""
-        axes = tuple(a or b for a, b in zip(target.moves, target.turns, strict=True))
         name = f"/targets/{len(self._gizmos)}"
         if dragged is None:
             self._gizmos.append(
@@ -99,8 +98,8 @@ class Stage:
         else:
             moves, turns = any(target.moves), any(target.turns)
             gizmo = self._server.scene.add_transform_controls(
-                name, scale=0.22 * self._size, active_axes=axes, disable_axes=not moves, disable_sliders=not moves,
-                disable_rotations=not turns, depth_test=False,
+                name, scale=0.22 * self._size, active_axes=gizmo_axes(target), disable_axes=not moves,
+                disable_sliders=not moves, disable_rotations=not turns, depth_test=False,
             )  # fmt: skip
             gizmo.on_update(lambda _: dragged(np.array(gizmo.position), np.array(gizmo.wxyz)))
             self._gizmos.append(gizmo)
@@ -109,7 +108,7 @@ class Stage:
     def put_gizmo(self, i: int, place: FloatArray) -> None:
         """Put it to position and quaternion (7,); nan leaves the half as it is."""
         gizmo = self._gizmos[i]
-        if np.isfinite(place[:3]).all():
+        if np.isfinite(place[:3]).all() and np.abs(place[:3] - gizmo.position).max() > 1e-9:
             gizmo.position = place[:3].copy()
         if np.isfinite(place[3:]).all():
             gizmo.wxyz = place[3:].copy()
@@ -118,3 +117,9 @@ class Stage:
         """Whether what can be dragged is to be seen."""
         for gizmo in self._gizmos:
             gizmo.visible = visible
+
+
+def gizmo_axes(target: Target) -> tuple[bool, bool, bool]:
+    """The axes that viser's gizmo must have: those to move along, and of each ring the two that span it."""
+    x, y, z = (target.moves[i] or any(turns for j, turns in enumerate(target.turns) if j != i) for i in range(3))
+    return x, y, z

@@ -12,6 +12,7 @@ import pytest
 import hqp_rp
 from hqp_rp.compare.play.arm import called, damped, rows_at_bounds
 from hqp_rp.compare.play.loop import PlayLoop
+from hqp_rp.compare.play.stage import gizmo_axes
 from hqp_rp.compare.play.targets import quaternion_of, targets_of
 from hqp_rp.control.command import Mode
 from hqp_rp.control.singularities import SingularConfiguration
@@ -47,6 +48,9 @@ def test_a_target_moves_and_turns_along_the_axes_that_its_tasks_have() -> None:
     tool, link = planar().targets
     assert (tool.moves, tool.turns) == ((True, True, False), (False, False, False))
     assert (link.moves, link.turns) == ((False, False, False), (False, False, True))
+    assert gizmo_axes(tool) == (True, True, False)
+    assert gizmo_axes(link) == (True, True, False)  # what the ring about z lies in
+    assert gizmo_axes(sawyer().targets[0]) == (True, True, True)
 
 
 def test_points_of_one_frame_and_a_look_at_are_targets_of_their_own() -> None:

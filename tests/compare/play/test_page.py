@@ -127,6 +127,42 @@ def test_the_loop_keeps_pace_with_the_clock() -> None:
         assert 0.2 * took < passed < took + 0.25  # a machine that is busy may be slow, and is never hurried
 
 
+URDF = """<robot name="two">
+  <link name="base"/>
+  <link name="arm"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision name="box"><geometry><box size="0.1 0.1 0.4"/></geometry></collision></link>
+  <link name="hand"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><cylinder radius="0.05" length="0.3"/></geometry></visual></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="arm"/><child link="hand"/><origin xyz="0 0 0.4"/><axis xyz="0 0 1"/>
+    <limit lower="-0.2" upper="0.2" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+@needs_viser
+def test_a_robot_of_ones_own_is_played_with(tmp_path: Path) -> None:
+    (tmp_path / "two.urdf").write_text(URDF)
+    stack = '[robot]\nmodel = "two.urdf"\n[[level]]\n[[level.task]]\ntype = "position"\nframe = "hand"\naxes = "xz"'
+    (tmp_path / "stack.toml").write_text(stack)
+    with running(page_of(None, str(tmp_path / "stack.toml"), port=0, starts=2)) as shown:
+        until(lambda: shown.step is not None)
+        shown._changes.put(lambda: shown.loop.drag(0, position=[0.2, 0.0, 0.4]))
+        until(lambda: np.abs(shown.loop.arms[0].robot.pose("hand")[1] - [0.2, 0.0, 0.4]).max() < 1e-3)
+        assert [shape.name for shape in shown._stage._shapes] == ["box"]
+        until(lambda: "found" in shown._found.content)
+
+
+@needs_viser
+def test_a_ring_goes_with_its_frame() -> None:
+    with running(page("planar4", starts=0)) as shown:
+        ring, robot = shown._stage._gizmos[1], shown.loop.arms[0].robot
+        shown._changes.put(lambda: shown.loop.drag(1, quaternion=[math.cos(0.4), 0.0, 0.0, math.sin(0.4)]))
+        until(lambda: shown.loop.time > 1.0)
+        shown._running.value = False
+        until(lambda: np.allclose(ring.position, robot.pose("link2")[1], atol=1e-6))
+
+
 @needs_viser
 def test_time_stands_still_where_it_is_asked_to() -> None:
     with running(page("planar4", starts=0)) as shown:
@@ -161,6 +197,10 @@ def test_a_recording_is_made_on_the_page_and_shown_again(tmp_path: Path) -> None
             body, frame = next(reversed(replay._stage._bodies[arm].items()))
             np.testing.assert_allclose(frame.position, replay._stage._data.xpos[body], atol=1e-6)
         assert "reverse_priority" in replay._html.content
+        tool, ring = replay._stage._gizmos
+        np.testing.assert_allclose(tool.position, recording.place[7, 0, :3], atol=1e-6)
+        replay._robot.update(recording.q[7, 0])
+        np.testing.assert_allclose(ring.position, replay._robot.pose("link2")[1], atol=1e-6)
         replay._step.value = 15
         assert replay.step == 15
     finally:

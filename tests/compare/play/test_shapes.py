@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hqp_rp.compare.play.shapes import Shape, shapes_of
+from hqp_rp.compare.play.shapes import Shape, shapes_of, skeleton_of
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.named import named_robot
 
@@ -92,6 +92,21 @@ def test_a_model_of_collision_geoms_alone_is_drawn_too() -> None:
     assert (
         len(shapes_of(mujoco.MjModel.from_xml_string(text))) == 7
     )  # the floor does not count, nor what is transparent
+
+
+def test_a_model_without_geometry_is_drawn_as_bars_from_joint_to_joint() -> None:
+    inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    inner = f'<body name="b" pos="0.3 0 0.4"><joint/>{inertia}</body>'
+    text = f'<mujoco><worldbody><body name="a" pos="0 0 1"><joint/>{inertia}{inner}</body></worldbody></mujoco>'
+    model = mujoco.MjModel.from_xml_string(text)
+    assert shapes_of(model) == ()
+    found = {shape.name: shape for shape in skeleton_of(model)}
+    assert {name: shape.body for name, shape in found.items()} == {
+        "joint of a": 1, "bar to a": 0, "joint of b": 2, "bar to b": 1,
+    }  # fmt: skip
+    bar = found["bar to b"]
+    np.testing.assert_allclose(bar.vertices[[-1, 0]], [[0.0, 0.0, 0.0], [0.3, 0.0, 0.4]], atol=1e-12)
+    assert all(volume(shape.vertices, shape.faces) > 0.0 for shape in found.values())
 
 
 @pytest.mark.parametrize("robot", ["sawyer", "planar4", "dual_sawyer", "humanoid"])
