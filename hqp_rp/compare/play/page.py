@@ -16,7 +16,7 @@ from hqp_rp.compare.play.loop import PlayLoop, Step
 from hqp_rp.compare.play.panel import panel
 from hqp_rp.compare.play.stage import Stage
 from hqp_rp.compare.play.strip_chart import StripChart
-from hqp_rp.compare.play.viser_server import serve
+from hqp_rp.compare.play.viser_server import serve, told_on_the_left
 from hqp_rp.control.catalogue import Catalogue
 from hqp_rp.core.damping import (
     ConstantDamping,
@@ -48,7 +48,6 @@ DAMPINGS: dict[str, Callable[[float], LevelDamping | None]] = {
 
 _FRAME = 1.0 / 30.0
 _PANEL = 0.1
-_WIDTH = 340  # pixels
 _MOST_STEPS = 20  # of one frame: a loop that cannot keep up runs slower, and does not fall behind
 _MOST_PLACES = 8  # buttons of one kind of singularity
 
@@ -187,11 +186,7 @@ class PlayPage:
 
     def _build(self, file: str) -> None:
         gui = self._server.gui
-        gui.configure_theme(show_share_button=False, show_logo=False)
-        gui.main_panel.dock_right()
-        told = gui.add_panel()
-        told.dock_left()
-        told.set_width(_WIDTH)
+        tab = told_on_the_left(gui, "What each level pays")
         self._running = gui.add_checkbox(
             "running", True, hint="Off, time stands still: look, turn the picture, drag ahead."
         )
@@ -204,7 +199,6 @@ class PlayPage:
             )
         meet.on_click(lambda _: self._changes.put(self.loop.meet))
         limits.on_update(self._asked(lambda: self.loop.hold_joint_limits(limits.value, self._dampings())))
-        tab = told.add_tab("What each level pays")
         with tab:
             self._html = gui.add_html("")
         self._chart = StripChart(gui, tab, self.loop.levels)

@@ -12,7 +12,7 @@ from hqp_rp.compare.play.recording import Recording
 from hqp_rp.compare.play.stage import Stage
 from hqp_rp.compare.play.strip_chart import StripChart
 from hqp_rp.compare.play.targets import targets_of
-from hqp_rp.compare.play.viser_server import serve
+from hqp_rp.compare.play.viser_server import serve, told_on_the_left
 from hqp_rp.control.stack_file import parse_stack
 from hqp_rp.core.errors import FileError
 from hqp_rp.core.problem import FloatArray
@@ -20,7 +20,6 @@ from hqp_rp.robot.mujoco_robot import MujocoRobot
 
 _FRAME = 1.0 / 30.0
 _PANEL = 0.1
-_WIDTH = 340  # pixels
 
 
 class ReplayPage:
@@ -54,12 +53,7 @@ class ReplayPage:
         for i, target in enumerate(self._targets):
             self._stage.add_gizmo(target, self._place(0, i), None)
         gui = self._server.gui
-        gui.configure_theme(show_share_button=False, show_logo=False)
-        gui.main_panel.dock_right()
-        told = gui.add_panel()
-        told.dock_left()
-        told.set_width(_WIDTH)
-        tab = told.add_tab("What each level paid")
+        tab = told_on_the_left(gui, "What each level paid")
         with tab:
             self._html = gui.add_html("")
         self._chart = StripChart(gui, tab, recording.levels)

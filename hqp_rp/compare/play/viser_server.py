@@ -1,14 +1,17 @@
-"""The server of a page, with what can go wrong before it stands said in a sentence."""
+"""The server of a page and its two panels, with what can go wrong before it stands said in a sentence."""
 
 from __future__ import annotations
 
 import contextlib
+import importlib
 import importlib.util
 import io
 import socket
 from typing import Any
 
 from hqp_rp.core.errors import MissingExtraError, SettingError
+
+_WIDTH = 340  # pixels
 
 
 def serve(host: str, port: int, label: str) -> Any:
@@ -33,10 +36,23 @@ def serve(host: str, port: int, label: str) -> Any:
         raise SettingError(
             f"port is {port}, which cannot be had at {host} ({error.strerror or error}); give another, or 0 for any."
         ) from None
-    import viser
-
+    viser = importlib.import_module("viser")
     with contextlib.redirect_stdout(io.StringIO()):  # its banner: the address is ours to tell
         return viser.ViserServer(host=host, port=port, label=label, verbose=False)
+
+
+def told_on_the_left(gui: Any, title: str) -> Any:
+    """A tab in a panel at the left edge of the page; viser's own panel goes to the right edge.
+
+    Args:
+        gui: `server.gui`. title: of the tab.
+    """
+    gui.configure_theme(show_share_button=False, show_logo=False)
+    gui.main_panel.dock_right()
+    told = gui.add_panel()
+    told.dock_left()
+    told.set_width(_WIDTH)
+    return told.add_tab(title)
 
 
 def require_viser(what: str) -> None:
