@@ -72,6 +72,8 @@ for name in hqp_rp.control.__all__:
         ("from hqp_rp.robot import PinocchioRobot", "hqp_rp.robot.PinocchioRobot", "pinocchio", "pinocchio"),
         ("from hqp_rp import load_robot", "hqp_rp.load_robot", "mujoco", "mujoco"),
         ("hqp_rp.stress", "hqp_rp.stress", "jinja2", "report"),
+        ("import hqp_rp.core.torch_layer", "hqp_rp.core.torch_layer", "torch", "torch"),
+        ("import hqp_rp.core.jax_layer", "hqp_rp.core.jax_layer", "jax", "jax"),
         ("from hqp_rp.robot import load_robot", "hqp_rp.robot.load_robot", "mujoco", "mujoco"),
         (
             "from hqp_rp.scenarios.scenario import all_scenarios; all_scenarios()",

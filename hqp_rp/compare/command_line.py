@@ -41,7 +41,7 @@ def compare(
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
     """
-    from hqp_rp.compare.comparison import compare as run
+    from hqp_rp.compare.comparison.comparison import compare as run
 
     output = user_path(output)
     try:
@@ -109,7 +109,7 @@ def stress(
         workers: processes; one for each core when not given.
         dask: address of a running dask scheduler that takes the work instead, such as tcp://10.0.0.1:8786.
     """
-    from hqp_rp.compare.stress import stress as run
+    from hqp_rp.compare.stress.stress import stress as run
     from hqp_rp.control.stack_file import load_stack
 
     file = load_stack(stack)
@@ -165,7 +165,7 @@ def replay(
         return 0
     if figure is not None:
         raise SettingError("--figure is for one recording of hqp-rp play; these files are other ones.")
-    from hqp_rp.compare.stress_worst import replay_all
+    from hqp_rp.compare.stress.worst import replay_all
 
     if not file:
         raise SettingError("replay needs a file: hqp-rp replay worst/CASE.npz.")
@@ -210,6 +210,59 @@ def play(
     page = page_of(robot, stack, solvers, host=host, port=port, starts=starts, file=file, **given)
     print(f"The page: {page.address} (Ctrl-C ends it)", flush=True)
     page.run()
+    return 0
+
+
+def statistics(
+    solver: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    arm: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    configurations: int | None = None,
+    paths: int | None = None,
+    seed: int = 0,
+    output: pathlib.Path = pathlib.Path("statistics"),
+    quick: bool = False,
+    overwrite: bool = False,
+    workers: int | None = None,
+) -> int:
+    """Drive three arms along 400 paths each through their singularities: medians, intervals, and which verdicts hang on what.
+
+    It takes some ten minutes on two cores. A study that was stopped goes on where it stopped when the same command is given
+    again.
+
+    Args:
+        solver: as of `compare`; without it, every solver.
+        arm: sawyer, panda_like or planar4; repeat it for more. Without it, all three.
+        configurations: singular ones, for each arm; 20, or 3 with --quick, when not given.
+        paths: through each of them; 20, or 3 with --quick, when not given.
+        seed: of every draw.
+        output: the folder to write.
+        quick: few configurations and paths, for a first look.
+        overwrite: replace the report of another run in that folder.
+        workers: processes; one for each core when not given.
+    """
+    import dataclasses
+
+    from hqp_rp.compare.statistics.passages import Design
+    from hqp_rp.compare.statistics.study import QUICK
+    from hqp_rp.compare.statistics.study import statistics as run
+
+    asked = {name: value for name, value in (("configurations", configurations), ("paths", paths)) if value is not None}
+    design = dataclasses.replace(QUICK if quick else Design(), seed=seed, **asked)
+    output = user_path(output)
+    try:
+        run(
+            design,
+            arms=arm or None,
+            solvers=solver or None,
+            output=output,
+            overwrite=overwrite,
+            workers=workers,
+            progress=True,
+        )
+    except KeyboardInterrupt:
+        print(f"\nStopped. What is finished is kept in {output}; the same command goes on from there.", file=sys.stderr)
+        return INTERRUPTED
+    print(f"The report: {output / 'report.html'}")
     return 0
 
 
@@ -262,7 +315,7 @@ def bench(
         lexls: a checkout of github.com/jrl-umi3218/lexls (C++), timed beside our kernel; needs a C++ compiler and Eigen.
         eigen: the folder that holds the folder Eigen, when it is not where it usually is.
     """
-    from hqp_rp.compare.bench import bench as run
+    from hqp_rp.compare.bench.bench import bench as run
 
     output = user_path(output)
     found = run(
@@ -275,7 +328,7 @@ def bench(
         eigen=eigen,
         progress=True,
     )
-    from hqp_rp.compare.bench_report import answer
+    from hqp_rp.compare.bench.report import answer
 
     for sentence in (*answer(found.measured), *found.against, *found.measured.missing, *found.measured.inside.missing):
         print(f"- {sentence}")
@@ -341,6 +394,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "stress": stress,
     "replay": replay,
     "play": play,
+    "statistics": statistics,
     "claims": claims,
     "bench": bench,
     "solvers": solvers,

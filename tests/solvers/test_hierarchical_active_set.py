@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, load_problem, solve, truth
-from hqp_rp.compare.bench_families import family
+from hqp_rp.compare.bench.families import family
 from tests import reference
 from tests.problems import EQUALITY_CASES, boxed, independent, near_singular, over_constrained, scaled, two_sided
 
