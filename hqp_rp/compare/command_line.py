@@ -1,4 +1,4 @@
-"""`hqp-rp`: compare solvers, stress them, replay a case, time them, list solvers, list scenarios."""
+"""`hqp-rp`: compare solvers, stress them, replay a case, play with a robot, time them, list solvers, list scenarios."""
 
 from __future__ import annotations
 
@@ -138,20 +138,78 @@ def stress(
     return 0
 
 
-def replay(file: tyro.conf.Positional[tuple[pathlib.Path, ...]], solver: str | None = None) -> int:
-    """Solve saved cases again and judge the answers.
+def replay(
+    file: tyro.conf.Positional[tuple[pathlib.Path, ...]],
+    solver: str | None = None,
+    figure: pathlib.Path | None = None,
+    port: int = 8080,
+) -> int:
+    """Solve saved cases again and judge the answers; or show a run again that `hqp-rp play` recorded.
 
     Args:
         file: .npz files, as a stress test keeps its worst cases; of several, by how much x changes from each to the next.
+            Or one recording, which is shown as a page.
         solver: a solver's name, NAME:KEY=VALUE,KEY=VALUE or PACKAGE.MODULE:CLASS; without it, the one that the case was
             saved for.
+        figure: of a recording, the figure to write instead of showing it: .png, .pdf or .svg.
+        port: of the page of a recording.
     """
+    from hqp_rp.compare.play.recording import is_recording
+
+    if len(file) == 1 and is_recording(file[0]):
+        from hqp_rp.compare.play.command import replay_recording
+
+        if solver is not None:
+            raise SettingError(f"{file[0]} is a recorded run, which is shown as it was; leave --solver out.")
+        print(replay_recording(file[0], figure=figure, port=port))
+        return 0
+    if figure is not None:
+        raise SettingError("--figure is for one recording of hqp-rp play; these files are other ones.")
     from hqp_rp.compare.stress.worst import replay_all
 
     if not file:
         raise SettingError("replay needs a file: hqp-rp replay worst/CASE.npz.")
     for sentence in replay_all(file, solver):
         print(sentence)
+    return 0
+
+
+def play(
+    robot: tyro.conf.Positional[str | None] = None,
+    *,
+    stack: str | None = None,
+    solver: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    meshes: bool = True,
+    package_path: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    floating_base: bool = False,
+    repair_inertias: bool = False,
+    keyframe: str | None = None,
+    starts: int = 16,
+    file: str = "play.npz",
+    host: str = "127.0.0.1",
+    port: int = 8080,
+) -> int:
+    """Play with a robot on a page in the browser: drag its target, switch the solver, drive to singularities, record it.
+
+    Args:
+        robot: an MJCF or URDF file, or sawyer, planar4 (planarN), dual_sawyer, humanoid; without it, the one that the stack
+            file says under [robot], or the Sawyer.
+        stack: a stack file (TOML), or the name of one that comes with the library; without it, the one of the robot's name.
+        solver: as in `hqp-rp compare`; a second one is seen beside the first, as a ghost. Without it, null_space.
+        meshes, package_path, floating_base, repair_inertias, keyframe: as in `hqp-rp stress`.
+        starts: of the search for singularities, for each level; 0 for none.
+        file: where the page saves recordings.
+        host: the address to serve the page at; 0.0.0.0 lets other machines see it, and play.
+        port: of the page; 0 for any that is free.
+    """
+    from hqp_rp.compare.play.command import page_of
+    from hqp_rp.compare.settings_text import parse_contestant
+
+    given = robot_options(None, meshes, package_path, floating_base, repair_inertias, keyframe)
+    solvers = [parse_contestant(text) for text in solver]
+    page = page_of(robot, stack, solvers, host=host, port=port, starts=starts, file=file, **given)
+    print(f"The page: {page.address} (Ctrl-C ends it)", flush=True)
+    page.run()
     return 0
 
 
@@ -335,6 +393,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "compare": compare,
     "stress": stress,
     "replay": replay,
+    "play": play,
     "statistics": statistics,
     "claims": claims,
     "bench": bench,
