@@ -14,8 +14,13 @@ from hqp_rp.robot.mujoco_arm import arm_spec
 DT, GAIN, COUNT = 0.01, 2.0, 64
 
 
-def asked() -> tuple[dict[str, Any], list[Problem]]:
-    """What a worker's `step` is given, and the prioritized problem (3+3+7) at each configuration."""
+LOGARITHM = ("mink", "pink", "mink-warp")
+"""Whose frame tasks ask for the SE(3) logarithm of the error, and not for position and orientation by themselves."""
+
+
+def asked() -> tuple[dict[str, Any], dict[str, list[Problem]]]:
+    """What a worker's `step` is given, and the prioritized problem (3+3+7) at each configuration: with rows of position and
+    orientation ("plain"), and with the rows that mink's own frame tasks make ("logarithm")."""
     robot = MujocoRobot.from_arm(sawyer())
     robot.update(robot.neutral)
     rotation, position = robot.pose("tool")
@@ -23,17 +28,13 @@ def asked() -> tuple[dict[str, Any], list[Problem]]:
     wave = np.random.default_rng(7).uniform(0.0, 2.0 * np.pi, robot.nv)
     turns = 2.0 * np.pi * np.arange(COUNT) / COUNT
     configurations = robot.neutral + 0.3 * np.sin(turns[:, None] + wave)
-    stack = Stack(
-        [
-            PositionTask("tool", position, gain=GAIN),
-            OrientationTask("tool", rotation, gain=GAIN),
-            PostureTask(robot.neutral, gain=GAIN),
-        ]
-    )
-    problems = []
+    plain = [PositionTask("tool", position, gain=GAIN), OrientationTask("tool", rotation, gain=GAIN)]
+    stacks = {"plain": Stack([*plain, PostureTask(robot.neutral, gain=GAIN)]), "logarithm": Stack(_mink_tasks(robot))}
+    problems: dict[str, list[Problem]] = {name: [] for name in stacks}
     for q in configurations:
         robot.update(q)
-        problems.append(stack.problem(robot, DT))
+        for name, stack in stacks.items():
+            problems[name].append(stack.problem(robot, DT))
     spec = arm_spec(sawyer())
     spec.compile()
     given = {
@@ -47,6 +48,20 @@ def asked() -> tuple[dict[str, Any], list[Problem]]:
         "dt": DT,
     }
     return given, problems
+
+
+def _mink_tasks(robot: MujocoRobot) -> list[Any]:
+    import mink
+
+    tasks = [
+        mink.FrameTask("tool", "site", 1.0, 0.0, gain=GAIN * DT),
+        mink.FrameTask("tool", "site", 0.0, 1.0, gain=GAIN * DT),
+        mink.PostureTask(robot.model, 1.0, gain=GAIN * DT),
+    ]
+    configuration = mink.Configuration(robot.model, robot.neutral)
+    for task in tasks:
+        task.set_target_from_configuration(configuration)
+    return tasks
 
 
 def urdf() -> str:

@@ -6,8 +6,8 @@
     refused  not called a success, an exception, no answer in time, the process ended
     cannot   the peer cannot state the problem
 
-A wrong answer is `kept` when it is what the peer promises: the optimum of its weighted sum under its hard rows, or the
-right answer after its own scaling of each level, to 1e-6.
+A wrong answer is `kept` when it is what the peer promises, to 1e-6: the optimum of its weighted sum under its hard rows, the
+right answer after its own scaling of each level, or the right answer with rows scaled to length one.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ import hqp_rp
 from hqp_rp.core.errors import HqpError
 from hqp_rp.problems import KnownProblem
 
-TOLERANCE, TIGHT = 1e-6, 1e-9
+TOLERANCE, TIGHT, LOOSE = 1e-6, 1e-9, 1e-3
 
 
 def verdict(known: KnownProblem, reply: Mapping[str, Any]) -> dict[str, Any]:
-    """{"verdict", "said", "tight" (right to 1e-9), "kept"} for a worker's reply."""
+    """{"verdict", "said"} for a worker's reply; with "tight" (right to 1e-9) when right, "kept" and "loose" (right to 1e-3)
+    when wrong."""
     if "cannot" in reply:
         return {"verdict": "cannot", "said": reply["cannot"]}
     if "x" not in reply:
@@ -36,12 +37,13 @@ def verdict(known: KnownProblem, reply: Mapping[str, Any]) -> dict[str, Any]:
         good = not known.feasible and not reply["success"]
         return {"verdict": "right" if good else "refused", "tight": good, **said}
     if not known.feasible:
-        good, tight = (_hard_violation(known.problem, x) <= tolerance for tolerance in (TOLERANCE, TIGHT))
+        broken = hqp_rp.certify(known.problem, x).relative_hard_violation
+        loose, good, tight = (broken <= tolerance for tolerance in (LOOSE, TOLERANCE, TIGHT))
     else:
-        good, tight = (_right(known, x, tolerance) for tolerance in (TOLERANCE, TIGHT))
+        loose, good, tight = (_right(known, x, tolerance) for tolerance in (LOOSE, TOLERANCE, TIGHT))
     if good:
         return {"verdict": "right", "tight": tight, **said}
-    return {"verdict": "wrong", "kept": _kept(known.problem, x, reply.get("promise")), **said}
+    return {"verdict": "wrong", "kept": _kept(known.problem, x, reply.get("promise")), "loose": loose, **said}
 
 
 def _right(known: KnownProblem, x: Any, tolerance: float) -> bool:
@@ -49,19 +51,28 @@ def _right(known: KnownProblem, x: Any, tolerance: float) -> bool:
     return near or hqp_rp.certify(known.problem, x, tolerance=tolerance).ok
 
 
-def _hard_violation(problem: hqp_rp.Problem, x: Any) -> float:
-    return float(hqp_rp.certify(problem, x).relative_hard_violation)
-
-
 def _kept(problem: hqp_rp.Problem, x: Any, promise: Mapping[str, Any] | None) -> bool:
     if not promise:
         return False
     try:
-        promised = _scaled(problem, promise["scales"]) if "scales" in promise else _weighted(problem, **promise)
+        if "unit_rows" in promise:
+            promised = _unit_rows(problem)
+        else:
+            promised = _scaled(problem, promise["scales"]) if "scales" in promise else _weighted(problem, **promise)
         found = hqp_rp.certify(promised, x, tolerance=TOLERANCE)
     except HqpError:
         return False
     return found.ok or found.fault == "least norm"
+
+
+def _unit_rows(problem: hqp_rp.Problem) -> hqp_rp.Problem:
+    """Every row divided by its length, so that a level's sum of squares is that of distances."""
+    levels = []
+    for level in problem.levels:
+        lengths = np.linalg.norm(level.A, axis=1)
+        lengths = np.where(lengths > 0.0, lengths, 1.0)
+        levels.append(hqp_rp.Level(level.A / lengths[:, None], level.lower / lengths, level.upper / lengths))
+    return hqp_rp.Problem(levels, hard=problem.hard)
 
 
 def _scaled(problem: hqp_rp.Problem, scales: list[float]) -> hqp_rp.Problem:

@@ -37,7 +37,7 @@ TIMED = {
     "humanoid, 12+3+12+3+32": [f"humanoid/12-3-12-3-32_q{i}" for i in range(4)],
     "humanoid within limits": [f"humanoid/12-3-12-3-32_limits_q{i}" for i in range(4)],
 }
-ROUNDS, TURN_NS, COLD = 15, 2e7, 7
+ROUNDS, TURN_NS, COLD = 21, 1.5e7, 7
 FIRST = "sawyer/3-3-7_q0"
 
 
@@ -90,14 +90,16 @@ def steps(processes: dict[str, Process], about: dict[str, Any]) -> list[dict[str
         if "ready" not in ready:
             rows.append({"peer": peer, "failed": ready.get("error") or ready.get("ended")})
             continue
-        right, off = 0, []
-        for i, problem in enumerate(wanted):
+        right, off, rows_of = 0, [], "logarithm" if peer in arm.LOGARITHM else "plain"
+        for i, problem in enumerate(wanted[rows_of]):
             v = np.array(processes[peer].ask({"velocity": i})["v"], dtype=np.float64)
             best = hqp_rp.solve(problem, "hierarchical_active_set").require()
             off.append(float(np.linalg.norm(v - best) / np.linalg.norm(best)))
             right += bool(np.isfinite(v).all()) and hqp_rp.certify(problem, v, tolerance=TOLERANCE).ok
         calls = int(np.clip(TURN_NS / np.median(processes[peer].ask({"turn": 0, "calls": 20})["times"]), 8, 400))
-        rows.append({"peer": peer, "right": right, "of": len(wanted), "off": float(np.max(off)), "calls": calls})
+        rows.append(
+            {"peer": peer, "right": right, "of": i + 1, "rows": rows_of, "off": float(np.max(off)), "calls": calls}
+        )
         rows[-1] |= {"medians": [], "least": []}
     for k in range(ROUNDS):
         for row in rows:
@@ -155,6 +157,7 @@ def measure(peers: list[Peer], environments: Path) -> dict[str, Any]:
         "about": about,
         "missing": missing,
         "megabytes": size,
+        "alone": megabytes(environments / OURS.name / "bin" / "python", ("hqp_rp", "numpy")),
         "families": {name: name.partition("/")[0] for name in problems.names()},
         "verdicts": verdicts,
         "calls": timed(processes, about, verdicts),

@@ -18,6 +18,11 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 }
 
 
+def surroundings() -> dict[str, str]:
+    """The environment variables of a worker: one thread, and nothing of this interpreter's packages."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")} | ONE_THREAD
+
+
 class Process:
     """`ask` answers with a dict; {"error": sentence} where the worker fails, {"ended": why} where its process did."""
 
@@ -32,7 +37,7 @@ class Process:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
-            env={**os.environ, **ONE_THREAD},
+            env=surroundings(),
         )
 
     def ask(self, message: Mapping[str, Any], *, seconds: float = 30.0) -> dict[str, Any]:
@@ -65,7 +70,7 @@ class Process:
             [*self._command, "--cold", str(asked)],
             capture_output=True,
             text=True,
-            env={**os.environ, **ONE_THREAD},
+            env=surroundings(),
             check=False,
         )
         taken = time.perf_counter() - begin
@@ -83,15 +88,17 @@ class Process:
             self._process = None
 
 
-def megabytes(python: Path) -> float:
-    """What the environment's packages take, without pip, setuptools and byte code, in MB (10^6 bytes)."""
+_TOOLS = ("pip", "setuptools", "_distutils_hack", "pkg_resources", "distutils-precedence")
+
+
+def megabytes(python: Path, only: tuple[str, ...] = ("",)) -> float:
+    """What the environment's packages (those whose folders begin with `only`) take, without pip, setuptools and byte code, in
+    MB (10^6 bytes)."""
     total = 0
     for packages in sorted(python.parent.parent.glob("lib/python*/site-packages")):
         for path in packages.rglob("*"):
             part = path.relative_to(packages).parts[0]
-            tools = part in ("pip", "setuptools", "_distutils_hack", "pkg_resources") or part.startswith(
-                ("pip-", "setuptools-")
-            )
-            if not tools and "__pycache__" not in path.parts and path.is_file() and not path.is_symlink():
+            counts = part.startswith(only) and not part.startswith(_TOOLS) and "__pycache__" not in path.parts
+            if counts and path.is_file() and not path.is_symlink():
                 total += path.stat().st_size
     return total / 1e6

@@ -62,6 +62,7 @@ def step(asked: Mapping[str, Any]) -> Callable[[Any], Any]:
         robot = embodik.RobotModel(path)
     solver = embodik.KinematicsSolver(robot)
     solver.dt = asked["dt"]
+    solver.set_tolerance(1e-6)  # 0.1, its default, damps the posture
     solver.enable_position_limits(False)
     solver.enable_velocity_limits(False)
     kinds = embodik.TaskType
@@ -73,7 +74,6 @@ def step(asked: Mapping[str, Any]) -> Callable[[Any], Any]:
     posture.set_target_configuration(np.array(asked["neutral"]))
     for priority, task in enumerate((position, orientation, posture)):
         task.priority, task.weight = priority, asked["gain"]
-    posture.solve_mode = embodik.TaskSolveMode.MIN_ERROR
 
     def call(q: Any) -> Any:
         return solver.solve_velocity_dq(q, False)
@@ -82,5 +82,5 @@ def step(asked: Mapping[str, Any]) -> Callable[[Any], Any]:
 
 
 if __name__ == "__main__":
-    words = "KinematicsSolver.solve_velocity_dq(q, False): FrameTask position, FrameTask orientation, PostureTask (MIN_ERROR)"
+    words = "KinematicsSolver, set_tolerance(1e-6), no limits, solve_velocity_dq(q, False): two FrameTasks and a PostureTask"
     serve(Worker("embodik", VARIANTS, cannot, prepare, read, step, words))

@@ -21,15 +21,16 @@ def prepare(given: Given, variant: str) -> Callable[[], Any]:
     strict = int(variant != "weights")
     weights = costs(len(given.levels) - strict)
 
+    problem = placo.Problem()
+    x = problem.add_variable(given.n)
+    if given.hard is not None:
+        _add(problem, x, given.hard, "hard", 1.0)
+    for k, level in enumerate(given.levels):
+        # placo's weights multiply squares, a cost multiplies rows.
+        kind, weight = ("hard", 1.0) if k < strict else ("soft", weights[k - strict] ** 2)
+        _add(problem, x, level, kind, weight)
+
     def call() -> Any:
-        problem = placo.Problem()
-        x = problem.add_variable(given.n)
-        if given.hard is not None:
-            _add(problem, x, given.hard, "hard", 1.0)
-        for k, level in enumerate(given.levels):
-            # placo's weights multiply squares, a cost multiplies rows.
-            kind, weight = ("hard", 1.0) if k < strict else ("soft", weights[k - strict] ** 2)
-            _add(problem, x, level, kind, weight)
         problem.solve()
         return x.value
 
