@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from fresh import Fresh
 
 import hqp_rp
 from hqp_rp.core.errors import HqpError
@@ -24,7 +25,7 @@ from hqp_rp.problems import KnownProblem
 TOLERANCE, TIGHT, LOOSE = 1e-6, 1e-9, 1e-3
 
 
-def verdict(known: KnownProblem, reply: Mapping[str, Any]) -> dict[str, Any]:
+def verdict(known: KnownProblem | Fresh, reply: Mapping[str, Any]) -> dict[str, Any]:
     """{"verdict", "said"} for a worker's reply; with "tight" (right to 1e-9) when right, "kept" and "loose" (right to 1e-3)
     when wrong."""
     if "cannot" in reply:
@@ -46,7 +47,7 @@ def verdict(known: KnownProblem, reply: Mapping[str, Any]) -> dict[str, Any]:
     return {"verdict": "wrong", "kept": _kept(known.problem, x, reply.get("promise")), "loose": loose, **said}
 
 
-def _right(known: KnownProblem, x: Any, tolerance: float) -> bool:
+def _right(known: KnownProblem | Fresh, x: Any, tolerance: float) -> bool:
     near = any(np.linalg.norm(x - answer.x) <= tolerance * (1.0 + np.linalg.norm(answer.x)) for answer in known.answers)
     return near or hqp_rp.certify(known.problem, x, tolerance=tolerance).ok
 

@@ -17,10 +17,12 @@ import os
 import platform
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import arm
+import fresh
 import numpy as np
 from environments import OURS, PEERS, Peer, how_to
 from judge import TOLERANCE, verdict
@@ -39,14 +41,14 @@ TIMED = {
 }
 ROUNDS, TURN_NS, COLD = 21, 1.5e7, 7
 FIRST = "sawyer/3-3-7_q0"
+SEED = 20261127
 
 
-def solve_all(process: Process, variant: str) -> dict[str, dict[str, Any]]:
+def solve_all(process: Process, variant: str, known: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str, Any]:
     found = {}
-    for name in problems.names():
-        known = problems.load(name)
-        reply = process.ask({"solve": str(problems.path(name)), "variant": variant}, seconds=20.0)
-        found[name] = verdict(known, reply)
+    for name, one in known.items():
+        reply = process.ask({"solve": str(paths[name]), "variant": variant}, seconds=20.0)
+        found[name] = verdict(one, reply)
     return found
 
 
@@ -145,10 +147,16 @@ def measure(peers: list[Peer], environments: Path) -> dict[str, Any]:
             f"{OURS.name} itself takes no part ({missing[OURS.name]}); make its environment first (--how)."
         )
     verdicts: dict[str, Any] = {}
-    for peer, said in about.items():
-        for variant in said["variants"] if said["solves"] else ():
-            print(f"{peer}, {variant}: the problem set", file=sys.stderr)
-            verdicts.setdefault(peer, {})[variant] = solve_all(processes[peer], variant)
+    unseen: dict[str, Any] = {}
+    known, drawn = {name: problems.load(name) for name in problems.names()}, fresh.draw(SEED)
+    with tempfile.TemporaryDirectory() as folder:
+        drawn_paths = fresh.save(drawn, Path(folder))
+        for peer, said in about.items():
+            for variant in said["variants"] if said["solves"] else ():
+                print(f"{peer}, {variant}", file=sys.stderr)
+                process, paths = processes[peer], {name: problems.path(name) for name in known}
+                verdicts.setdefault(peer, {})[variant] = solve_all(process, variant, known, paths)
+                unseen.setdefault(peer, {})[variant] = solve_all(process, variant, drawn, drawn_paths)
     print("times", file=sys.stderr)
     run = {
         "versions": {"hqp_rp": hqp_rp.__version__, "problem set": problems.version},
@@ -160,6 +168,8 @@ def measure(peers: list[Peer], environments: Path) -> dict[str, Any]:
         "alone": megabytes(environments / OURS.name / "bin" / "python", ("hqp_rp", "numpy")),
         "families": {name: name.partition("/")[0] for name in problems.names()},
         "verdicts": verdicts,
+        "seed": SEED,
+        "unseen": unseen,
         "calls": timed(processes, about, verdicts),
         "steps": steps(processes, about),
     }

@@ -33,6 +33,9 @@ def write(run: Run, folder: Path) -> None:
         total=len(run["families"]),
         right="; ".join(f"{label(p, v)} {counts(run['verdicts'][p][v])['right']}" for p, v in chosen.items()),
         totals=totals(run),
+        unseen=totals(run, "unseen"),
+        drawn=len(next(iter(next(iter(run["unseen"].values())).values()))),
+        seed=run["seed"],
         promises=table(["peer", "what it promises"], [[p.title, p.what] for p in PEERS if p.name in run["about"]]),
         reasons=reasons(run),
         families=by_family(run),
@@ -68,8 +71,8 @@ def label(peer: str, variant: str) -> str:
     return f"{TITLES[peer]}, {variant}"
 
 
-def entrants(run: Run) -> list[tuple[str, str, Counter[str]]]:
-    return [(p, v, counts(found)) for p, by_variant in run["verdicts"].items() for v, found in by_variant.items()]
+def entrants(run: Run, which: str = "verdicts") -> list[tuple[str, str, Counter[str]]]:
+    return [(p, v, counts(found)) for p, by_variant in run[which].items() for v, found in by_variant.items()]
 
 
 def best(run: Run) -> dict[str, str]:
@@ -95,9 +98,9 @@ def microseconds(row: dict[str, Any]) -> str:
     return f"{np.median(row['medians']) / 1e3:.1f} ({np.min(row['least']) / 1e3:.1f})"
 
 
-def totals(run: Run) -> str:
+def totals(run: Run, which: str = "verdicts") -> str:
     rows = []
-    for peer, variant, c in entrants(run):
+    for peer, variant, c in entrants(run, which):
         put = sum(c[kind] for kind in KINDS) - c["cannot"]
         rows.append(
             [label(peer, variant)]
