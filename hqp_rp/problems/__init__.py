@@ -18,7 +18,7 @@ from hqp_rp.problems.known_problem import KnownAnswer, KnownProblem, load_known
 
 __all__ = ["DATA", "KnownAnswer", "KnownProblem", "families", "load", "names", "path", "version"]
 
-version = "1.0"
+version = "1.1"
 """Of the numbers, apart from the library's: see docs/problem_set.md for what a change of it means."""
 
 DATA = pathlib.Path(__file__).with_name("data")
@@ -38,6 +38,9 @@ _FAMILIES = {
     "sawyer": "7-joint Sawyer: tool position, orientation, posture; limits; sigma 1e-1 ... 1e-13",
     "dual_arm": "two Sawyers, 14 joints: relative and absolute poses, limits",
     "humanoid": "Apptronik Apollo, 32 joints and floating base: five levels, limits",
+    "metric": "a metric on the unknown decides what the levels leave: diagonal, full, the Sawyer's inertia",
+    "damped": "constant damping of single levels, near singularities too",
+    "torque": "accelerations of the Sawyer by inverse dynamics, torques free or within hard limits",
 }
 
 

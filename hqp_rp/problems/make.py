@@ -16,7 +16,14 @@ import numpy as np
 
 from hqp_rp import problems
 from hqp_rp.core.truth import Truth
-from hqp_rp.problems import equality_families, inequality_families, robot_families
+from hqp_rp.problems import (
+    damped_family,
+    equality_families,
+    inequality_families,
+    metric_family,
+    robot_families,
+    torque_family,
+)
 from hqp_rp.problems.exact import exact_answer
 from hqp_rp.problems.known_problem import KnownAnswer, KnownProblem, to_arrays
 from hqp_rp.problems.recipe import Recipe
@@ -41,6 +48,9 @@ _MAKERS: tuple[Callable[[], Iterator[Recipe]], ...] = (
     robot_families.sawyer,
     robot_families.dual_arm,
     robot_families.humanoid,
+    metric_family.metric,
+    damped_family.damped,
+    torque_family.torque,
 )
 
 

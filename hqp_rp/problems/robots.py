@@ -2,8 +2,9 @@
 
     python -m hqp_rp.problems.robots --humanoid .../apptronik_apollo/apptronik_apollo.xml
 
-A robot library's last bit depends on the machine, so these numbers are kept and the problems are made from them. Loading
-the set, or remaking it, needs this file and no robot.
+A robot library's last bit depends on the machine, so these numbers are kept and the problems are made from them: the command
+adds what is missing, and leaves what is there unless `--anew` is given. Loading the set, or remaking it, needs this file and
+no robot.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.paths import user_path
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.problems.recipe import Draw
 from hqp_rp.robot.arms import sawyer
 
@@ -41,12 +42,74 @@ HUMANOID_FRAMES = {
     "torso": "torso_link",
 }
 
+TORQUE_STATES = 3
+"""States of the Sawyer whose inverse dynamics are kept."""
+
 Snapshot = dict[str, FloatArray]
 
 
 def sawyer_arrays(q: FloatArray) -> Snapshot:
     """q (7,) and the tool's Jacobian (6, 7)."""
     return {"q": q, "tool": sawyer().jacobian(q)}
+
+
+def inertia_array(q: FloatArray) -> FloatArray:
+    """The Sawyer's joint-space inertia M(q) (7, 7), kg m^2, symmetric to the last bit."""
+    from hqp_rp.robot.mujoco_robot import MujocoRobot
+
+    robot = MujocoRobot.from_arm(sawyer())
+    robot.update(q)
+    M = robot.mass_matrix()
+    return 0.5 * (M + M.T)
+
+
+def torque_arrays(q: FloatArray, v: FloatArray, aims: FloatArray) -> Snapshot:
+    """What a `TorqueStack` asks of the Sawyer at q, v (7,): levels position, orientation, posture as matrix (13, 7) and target
+    (13,), and the torques' rows: lower <= M v-dot <= upper (7,), limits less gravity and Coriolis torques h.
+
+    aims (13,): feedforward accelerations of the three tasks. The limit of each joint is 0.7 of the torque that the answer
+    without limits needs, at least 1.2 of what v-dot = 0 needs, on multiples of 2^-10 N m.
+    """
+    from hqp_rp.control.orientation_task import OrientationTask
+    from hqp_rp.control.position_task import PositionTask
+    from hqp_rp.control.posture_task import PostureTask
+    from hqp_rp.control.torque_stack import TorqueStack
+    from hqp_rp.core.solver import get_solver
+    from hqp_rp.robot.mujoco_robot import MujocoRobot
+
+    robot = MujocoRobot.from_arm(sawyer())
+    robot.update(robot.neutral)
+    rotation, position = robot.pose("tool")
+    tasks = [
+        PositionTask("tool", position.copy(), gain=4.0),
+        OrientationTask("tool", rotation.copy(), gain=4.0),
+        PostureTask(robot.neutral, gain=2.0),
+    ]
+    robot.update(q)
+    stack = TorqueStack(tasks, torque=np.inf)
+    problem = stack.problem(robot, 0.001, v)
+    target = problem.lower + aims
+    free = Problem.from_stacked(problem.matrix, target, target, problem.offsets)
+    M, h = robot.mass_matrix(), robot.inverse_dynamics(v, np.zeros(robot.nv))
+    need = M @ get_solver("null_space").solve(free).require() + h
+    limit = np.ceil(np.maximum(0.7 * np.abs(need), 1.2 * np.abs(h)) * 2.0**10) * 2.0**-10
+    return {
+        "q": q,
+        "v": v,
+        "aims": aims,
+        "matrix": np.array(problem.matrix),
+        "target": target,
+        "torque_rows": M,
+        "torque_lower": -limit - h,
+        "torque_upper": limit - h,
+    }
+
+
+def torque_states() -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """(q, v, aims) of each state."""
+    for s in range(TORQUE_STATES):
+        draw = Draw(400 + s)
+        yield draw.grid(7, 2.0), draw.grid(7), draw.grid(13, 4.0)
 
 
 def dual_arm_arrays(q: FloatArray) -> Snapshot:
@@ -108,10 +171,13 @@ def arms() -> Snapshot:
     found: Snapshot = {"sawyer/velocity_limit": np.array(sawyer().velocity_limit)}
     for s in range(3):
         found |= _keyed(f"sawyer/{s}", sawyer_arrays(Draw(100 + s).grid(7, 2.0)))
+        found[f"sawyer/{s}/inertia"] = inertia_array(found[f"sawyer/{s}/q"])
         found |= _keyed(f"dual_arm/{s}", dual_arm_arrays(Draw(200 + s).grid(14, 2.0)))
     found |= _keyed("sawyer/zero", sawyer_arrays(np.zeros(7)))
     for sigma, q in crossing():
         found |= _keyed(f"sawyer/sigma{sigma:.0e}", sawyer_arrays(q))
+    for s, state in enumerate(torque_states()):
+        found |= _keyed(f"torque/{s}", torque_arrays(*state))
     return found
 
 
@@ -139,6 +205,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command: remake `robots.npz`; without a humanoid's file its part is kept as it is."""
     parser = argparse.ArgumentParser(prog="python -m hqp_rp.problems.robots", description=__doc__)
     parser.add_argument("--humanoid", type=user_path, help="apptronik_apollo.xml, with its meshes beside it")
+    parser.add_argument(
+        "--anew", action="store_true", help="replace kept numbers too, which changes published problems"
+    )
     given = parser.parse_args(arguments)
     old = load_snapshot() if SNAPSHOT.exists() else {}
     if given.humanoid is None:
@@ -150,6 +219,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     apart = max(
         (float(np.abs(old[name] - new[name]).max()) for name in both if old[name].shape == new[name].shape), default=0.0
     )
+    if not given.anew:
+        new |= old  # a published problem is never changed
     np.savez_compressed(SNAPSHOT, **new)  # type: ignore[arg-type]
     print(f"{SNAPSHOT.name}: {len(new)} arrays, {len(both)} of them there before; largest difference {apart:.1e}")
 

@@ -7,9 +7,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from hqp_rp import certify, problems, truth
+from hqp_rp import ConstantDamping, ErrorDamping, Level, Problem, ProblemError, certify, problems, truth
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.truth_exact import stacked_ranks
+from hqp_rp.problems.exact import damped_answer
+from hqp_rp.problems.robots import TORQUE_STATES
 
 KNOWN = {name: problems.load(name) for name in problems.names()}
 CLEAR = {name: known for name, known in KNOWN.items() if known.feasible and not known.ambiguous}
@@ -47,6 +49,8 @@ def test_residuals_are_those_of_the_answer() -> None:
 
 def test_equalities_are_what_the_truth_says() -> None:
     for name, known in KNOWN.items():
+        if known.problem.damping is not None:
+            continue  # truth rounds what a damped level reached
         if known.problem.is_equality and known.problem.hard is None and known.problem.n <= 14:
             right = truth(known.problem)
             assert right.x.tobytes() == known.exact.x.tobytes(), name
@@ -122,3 +126,58 @@ def test_exact_ranks_leave_less_where_the_rule_cuts() -> None:
             assert known.exact.ranks[cut] > known.rule.ranks[cut]
             assert known.exact.residuals[cut] < known.rule.residuals[cut]
             assert np.linalg.norm(known.exact.x) > np.linalg.norm(known.rule.x)
+
+
+def test_damped_answers_are_the_truth_but_for_its_rounding() -> None:
+    for name in problems.names("damped"):
+        known = KNOWN[name]
+        right = truth(known.problem)
+        gap = np.linalg.norm(right.x - known.exact.x) / (1.0 + np.linalg.norm(known.exact.x))
+        assert gap <= 1e-15 / (known.distance or 1.0) + 1e-14, name
+        assert right.ranks == known.exact.ranks, name
+
+
+def test_exact_damping_of_one_level_is_its_formula() -> None:
+    # A = [2 0; 0 1], b = (1, 1), eta = 1/2: x_i = sigma_i b_i / (sigma_i^2 + eta^2).
+    level = Level.equality(np.diag([2.0, 1.0]), [1.0, 1.0], damping=ConstantDamping(0.5))
+    found = damped_answer(Problem([level]))
+    assert found.x.tolist() == [2.0 / 4.25, 1.0 / 1.25]
+    assert found.residuals == pytest.approx([np.hypot(1.0 - 4.0 / 4.25, 1.0 - 1.0 / 1.25)], rel=1e-15)
+    # What a damped level reached, a later one keeps; the freedom left is as large as without damping.
+    later = Level.equality([[1.0, 1.0, 1.0]], [3.0])
+    first = Level.equality([[2.0, 0.0, 0.0]], [1.0], damping=ConstantDamping(1.0))
+    found = damped_answer(Problem([first, later]))
+    assert found.x == pytest.approx([0.4, 1.3, 1.3], rel=1e-15)
+    assert found.ranks == (1, 1)
+
+
+def test_damping_beside_what_is_not_exact_is_refused() -> None:
+    level = Level.equality(np.eye(2), [1.0, 1.0], damping=ConstantDamping(0.5))
+    with pytest.raises(ProblemError, match=r"take hqp_rp\.truth"):
+        damped_answer(Problem([level], hard=Level(np.eye(2), -1.0, 1.0)))
+    with pytest.raises(ProblemError, match="ConstantDamping"):
+        damped_answer(Problem([Level.equality(np.eye(2), [1.0, 1.0], damping=ErrorDamping(1.0))]))
+
+
+def test_the_metric_decides_what_the_levels_leave() -> None:
+    for name in problems.names("metric"):
+        known = KNOWN[name]
+        W, x = known.problem.metric, known.exact.x
+        if known.problem.hard is None:
+            # W x is a combination of the rows: no move in the null space makes x^T W x smaller.
+            Z = np.linalg.svd(known.problem.matrix)[2][sum(known.exact.ranks) :].T
+            assert Z.shape[1] > 0, name
+            assert np.linalg.norm(Z.T @ W @ x) <= 1e-12 * np.linalg.norm(W) * np.linalg.norm(x), name
+        plain = truth(Problem(list(known.problem.levels), known.problem.hard))
+        if known.problem.hard is None:
+            assert np.linalg.norm(plain.x - x) > 1e-3 * np.linalg.norm(x), name
+
+
+def test_torque_limits_bind_and_cost_something() -> None:
+    for i in range(TORQUE_STATES):
+        free, limited = (KNOWN[f"torque/sawyer_3-3-7_{kind}_s{i}"] for kind in ("free", "limits"))
+        assert free.exact.residuals[0] < 1e-9 < limited.exact.residuals[1]
+        hard = limited.problem.hard
+        torque = hard.A @ limited.exact.x
+        assert np.isclose(torque, hard.lower).any() or np.isclose(torque, hard.upper).any()
+        assert ((hard.lower < 0.0) & (hard.upper > 0.0)).all(), "standing still is within the limits"

@@ -7,14 +7,28 @@ import pytest
 
 from hqp_rp import problems
 from hqp_rp.problems import make as make_module
+from hqp_rp.problems import robots as robots_module
 from hqp_rp.problems.known_problem import to_arrays
 from hqp_rp.problems.make import differences, make, read_arrays, recipes
 from hqp_rp.problems.recipe import Draw
-from hqp_rp.problems.robots import SHOULDER, SIGMAS, dual_arm_arrays, load_snapshot, sawyer_arrays
+from hqp_rp.problems.robots import (
+    SHOULDER,
+    SIGMAS,
+    TORQUE_STATES,
+    dual_arm_arrays,
+    inertia_array,
+    load_snapshot,
+    sawyer_arrays,
+    torque_arrays,
+    torque_states,
+)
 from hqp_rp.robot import sawyer
 
 RECIPES = {recipe.name: recipe for recipe in recipes()}
-PROBLEM_ARRAYS = ("matrix", "lower", "upper", "offsets", "names", "hard_A", "hard_lower", "hard_upper", "hard_name")
+PROBLEM_ARRAYS = (
+    *("matrix", "lower", "upper", "offsets", "names", "hard_A", "hard_lower", "hard_upper", "hard_name"),
+    *("metric", "damping_kind", "damping_parameters"),
+)
 
 
 def test_the_draw_is_the_same_everywhere() -> None:
@@ -36,6 +50,12 @@ def test_every_problem_is_remade_bit_for_bit() -> None:
         if problem.hard is not None:
             made |= {f"hard_{key}": getattr(problem.hard, key) for key in ("A", "lower", "upper")}
             made["hard_name"] = np.array(problem.hard.name)
+        if problem.metric is not None:
+            made["metric"] = problem.metric
+        if problem.damping is not None:
+            factors = [0.0 if policy is None else policy.factor for policy in problem.damping]
+            made["damping_kind"] = np.array([int(factor > 0.0) for factor in factors])
+            made["damping_parameters"] = np.array([(factor, 0.0) for factor in factors])
         assert not differences(made, {key: kept[key] for key in PROBLEM_ARRAYS if key in kept}), name
 
 
@@ -68,11 +88,44 @@ def test_snapshot_of_the_arms_is_that_of_their_models() -> None:
     kept = load_snapshot()
     for name in kept:
         robot, where, what = (*name.split("/"), "")[:3]
-        if what != "q" or robot == "humanoid":
+        if what != "q" or robot in ("humanoid", "torque"):
             continue
         remade = (sawyer_arrays if robot == "sawyer" else dual_arm_arrays)(kept[name])
         for key, array in remade.items():
             np.testing.assert_allclose(kept[f"{robot}/{where}/{key}"], array, atol=1e-14, err_msg=f"{name} {key}")
+
+
+def test_inertia_and_torques_in_the_snapshot_are_those_of_the_model() -> None:
+    kept = load_snapshot()
+    for i in range(3):
+        M = kept[f"sawyer/{i}/inertia"]
+        np.testing.assert_allclose(M, inertia_array(kept[f"sawyer/{i}/q"]), atol=1e-14)
+        assert np.array_equal(M, M.T)
+        assert np.linalg.eigvalsh(M)[0] > 0.0
+    assert len(list(torque_states())) == TORQUE_STATES
+    for i, (q, v, aims) in enumerate(torque_states()):
+        for name, array in torque_arrays(q, v, aims).items():
+            np.testing.assert_allclose(kept[f"torque/{i}/{name}"], array, rtol=1e-9, atol=1e-9, err_msg=f"{i} {name}")
+
+
+def test_adding_to_the_snapshot_leaves_what_is_there(tmp_path, monkeypatch, capsys) -> None:
+    kept = load_snapshot()
+    file = tmp_path / "robots.npz"
+    np.savez(
+        file,
+        **{**{name: kept[name] for name in kept if name != "torque/1/target"}, "sawyer/0/q": kept["sawyer/0/q"] + 1.0},
+    )
+    monkeypatch.setattr(robots_module, "SNAPSHOT", file)
+    monkeypatch.setattr(robots_module, "arms", lambda: {name: kept[name] for name in ("sawyer/0/q", "torque/1/target")})
+    robots_module.main([])
+    with np.load(file) as now:
+        assert np.array_equal(now["torque/1/target"], kept["torque/1/target"])
+        assert np.array_equal(now["sawyer/0/q"], kept["sawyer/0/q"] + 1.0)
+        assert len(now.files) == len(kept)
+    robots_module.main(["--anew"])
+    with np.load(file) as now:
+        assert np.array_equal(now["sawyer/0/q"], kept["sawyer/0/q"])
+    assert "largest difference 1.0e+00" in capsys.readouterr().out
 
 
 def test_relative_jacobian_of_the_dual_arm_against_finite_differences() -> None:

@@ -44,6 +44,12 @@ FIRST = "sawyer/3-3-7_q0"
 SEED = 20261127
 
 
+def stated() -> dict[str, problems.KnownProblem]:
+    """The problems of the set without a metric and without damped levels, which a worker's `Given` does not hold."""
+    found = {name: problems.load(name) for name in problems.names()}
+    return {name: one for name, one in found.items() if one.problem.metric is None and one.problem.damping is None}
+
+
 def solve_all(process: Process, variant: str, known: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str, Any]:
     found = {}
     for name, one in known.items():
@@ -148,7 +154,7 @@ def measure(peers: list[Peer], environments: Path) -> dict[str, Any]:
         )
     verdicts: dict[str, Any] = {}
     unseen: dict[str, Any] = {}
-    known, drawn = {name: problems.load(name) for name in problems.names()}, fresh.draw(SEED)
+    known, drawn = stated(), fresh.draw(SEED)
     with tempfile.TemporaryDirectory() as folder:
         drawn_paths = fresh.save(drawn, Path(folder))
         for peer, said in about.items():
@@ -166,7 +172,7 @@ def measure(peers: list[Peer], environments: Path) -> dict[str, Any]:
         "missing": missing,
         "megabytes": size,
         "alone": megabytes(environments / OURS.name / "bin" / "python", ("hqp_rp", "numpy")),
-        "families": {name: name.partition("/")[0] for name in problems.names()},
+        "families": {name: one.family for name, one in known.items()},
         "verdicts": verdicts,
         "seed": SEED,
         "unseen": unseen,
