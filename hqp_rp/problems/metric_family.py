@@ -37,14 +37,14 @@ def metric() -> Iterator[Recipe]:
             lambda draw, kind=kind: _random(draw, 7, (3, 3), kind, 0.25),  # type: ignore[misc]
         )
     for i in range(3):
-        for rows, words in ((3, "Tool position"), (6, "Tool position, tool orientation")):
+        for count, words in ((3, "Tool position"), (6, "Tool position, tool orientation")):
             yield Recipe(
                 "metric",
-                f"sawyer_{'3' if rows == 3 else '3-3'}_inertia_q{i}",
-                13_200 + 10 * i + rows,
+                f"sawyer_{'3' if count == 3 else '3-3'}_inertia_q{i}",
+                13_200 + 10 * i + count,
                 f"{words}, at random configuration {i} of the Sawyer; W is its joint-space inertia M(q), kg m^2: the "
                 "dynamically consistent answer. Targets: rates uniform on multiples of 2^-20 within 0.25 m/s or rad/s.",
-                lambda draw, i=i, rows=rows: _inertia(draw, i, rows),  # type: ignore[misc]
+                lambda draw, i=i, count=count: _inertia(draw, i, count),  # type: ignore[misc]
             )
 
 
