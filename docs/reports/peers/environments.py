@@ -26,7 +26,7 @@ class Peer(NamedTuple):
 OURS = Peer(
     "hqp_rp",
     "hqp_rp",
-    'pip install ".[mujoco]" in a checkout',
+    'pip install ".[mujoco]"    # in a checkout',
     "N strict levels of equalities and inequalities, hard rows, the least-norm answer of all",
 )
 
@@ -53,13 +53,13 @@ PEERS = (
     Peer(
         "mink",
         "mink 1.3",
-        "pip install mink==1.3.0",
+        "pip install mink==1.3.0 daqp==0.11.0",
         "one weighted sum of tasks; limits and constraints hard",
     ),
     Peer(
         "pink",
         "pink 4.4",
-        "pip install pin-pink==4.4.0 daqp proxsuite",
+        "pip install pin-pink==4.4.0 daqp==0.11.0",
         "one weighted sum of tasks; limits and constraints hard",
     ),
     Peer(
