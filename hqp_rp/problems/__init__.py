@@ -38,7 +38,7 @@ _FAMILIES = {
     "sawyer": "7-joint Sawyer: tool position, orientation, posture; limits; sigma 1e-1 ... 1e-13",
     "dual_arm": "two Sawyers, 14 joints: relative and absolute poses, limits",
     "humanoid": "Apptronik Apollo, 32 joints and floating base: five levels, limits",
-    "metric": "least ||x||_W with a metric W on the unknown: dense, diagonal, with dependent rows, within hard rows",
+    "metric": "least sqrt(x^T W x) with a metric W on the unknown: dense, diagonal, with dependent rows, within hard rows",
     "damped": "levels with a damping of their own, constant or by their error; near singularities; within hard rows",
     "torque": "Sawyer commanded by torques, with and without a contact: joint accelerations and contact forces as unknowns",
 }
