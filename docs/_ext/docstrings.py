@@ -1,0 +1,61 @@
+"""The library's docstrings, plain text with code in single backticks, as reStructuredText."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+_CODE = re.compile(r"(``[^`]+``|`[^`\n]+`)")
+_SECTION = re.compile(r"^(Args|Settings|Attributes|Raises|Returns|Yields|Note|Example|Examples):$")
+
+
+def as_rst(lines: list[str], short: dict[str, str]) -> list[str]:
+    """The lines of a docstring as reStructuredText: code becomes literals or links, and nothing else is markup."""
+    return list(_blocks(lines, lambda line: _inline(line, short)))
+
+
+def _blocks(lines: list[str], inline: Callable[[str], str]) -> Iterator[str]:
+    literal: int | None = None
+    section = False
+    before = ""
+    for line in lines:
+        depth = len(line) - len(line.lstrip())
+        if literal is not None and (not line.strip() or depth > literal):
+            yield line
+            continue
+        literal = None
+        if line.strip() and depth == 0:
+            section = bool(_SECTION.match(line))
+        if line.rstrip().endswith("::"):
+            literal = depth
+            yield inline(line)
+            continue
+        if not section and line.strip() and depth > 0 and not before.strip():
+            # A formula or a drawing on lines of its own.
+            yield "::"
+            yield ""
+            yield line
+            literal = depth - 1
+            continue
+        before = line
+        yield inline(line)
+
+
+def _inline(line: str, short: dict[str, str]) -> str:
+    def code(text: str) -> str:
+        inner = text.strip("`")
+        name = inner.removeprefix("hqp_rp.").removesuffix("()")
+        if name in short:
+            return f":py:obj:`{inner} <{short[name]}>`"
+        return f"``{inner}``"
+
+    parts = _CODE.split(line)
+    for i, part in enumerate(parts):
+        if i % 2:
+            parts[i] = code(part)
+            if i + 1 < len(parts) and parts[i + 1][:1].isalnum():
+                parts[i] += "\\ "
+        else:
+            plain = re.sub(r"([\\*|])", r"\\\1", part)
+            parts[i] = re.sub(r"(?<=\w)_(?!\w)", r"\\_", plain)
+    return "".join(parts)
