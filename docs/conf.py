@@ -22,18 +22,25 @@ extensions = [
     "public_names",
 ]
 source_suffix = {".md": "markdown"}
-exclude_patterns = ["_ext", "figures"]
+exclude_patterns = ["_ext", "_static", "figures"]
 
 highlight_language = "text"  # a formula is no program
 
 html_theme = "furo"
 html_title = f"hqp_rp {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_show_sphinx = False
 html_show_copyright = False
 
 myst_heading_anchors = 4
 
 autodoc_typehints = "signature"
+# Shown by their names, which are in docs/notation.md, and not by what they stand for.
+autodoc_type_aliases = {
+    name: name
+    for name in ("ArrayLike", "FloatArray", "IntArray", "Item", "PerJoint", "StackMetric", "LevelDamping", "Feedback")
+}
 autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
 autodoc_class_signature = "mixed"
@@ -53,8 +60,8 @@ nitpick_ignore_regex = [
     ("py:.*", r"(?!hqp_rp\.[A-Z]).*"),
 ]
 
-# The type of an attribute whose name several classes share; a pattern for pages to come, where all that stand are named.
-suppress_warnings = ["ref.python", "toc.empty_glob"]
+# The type of an attribute whose name several classes share.
+suppress_warnings = ["ref.python"]
 
 # `make links` visits these; `make docs` never leaves the machine.
 linkcheck_timeout = 20

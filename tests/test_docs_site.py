@@ -133,6 +133,13 @@ def test_formulas_of_a_docstring_are_left_alone() -> None:
     ]
 
 
+@pytest.mark.usefixtures("extension")
+def test_a_list_of_names_under_a_sentence_is_a_list() -> None:
+    as_rst = importlib.import_module("docstrings").as_rst
+    lines = ["It declares:", "    name: one", "        more", "    a, b: two", "", "Args:", "    x: y"]
+    assert as_rst(lines, {}) == ["It declares:", "", "- name: one", "  more", "- a, b: two", "", "Args:", "    x: y"]
+
+
 # --- code that is not Python -----------------------------------------------------------------------------------------
 
 

@@ -6,12 +6,32 @@ import re
 from collections.abc import Callable, Iterator
 
 _CODE = re.compile(r"(``[^`]+``|`[^`\n]+`)")
+_ITEM = re.compile(r" +[a-z_]\w*(, \w+)*: ")
 _SECTION = re.compile(r"^(Args|Settings|Attributes|Raises|Returns|Yields|Note|Example|Examples):$")
 
 
 def as_rst(lines: list[str], short: dict[str, str]) -> list[str]:
     """The lines of a docstring as reStructuredText: code becomes literals or links, and nothing else is markup."""
-    return list(_blocks(lines, lambda line: _inline(line, short)))
+    return list(_blocks(_bulleted(lines), lambda line: _inline(line, short)))
+
+
+def _bulleted(lines: list[str]) -> list[str]:
+    """Lines such as "name: what it is", indented under a sentence that ends in a colon, as a list."""
+    found: list[str] = []
+    depth = 0
+    for i, line in enumerate(lines):
+        here = len(line) - len(line.lstrip())
+        head = i and lines[i - 1].endswith(":") and not lines[i - 1].endswith("::") and lines[i - 1][:1].strip()
+        if head and here and _ITEM.match(line) and not _SECTION.match(lines[i - 1]):
+            depth = here
+            found.append("")
+        elif not line.strip() or here < depth:
+            depth = 0
+        if depth:
+            found.append(f"- {line.strip()}" if here == depth else f"  {line.strip()}")
+        else:
+            found.append(line)
+    return found
 
 
 def _blocks(lines: list[str], inline: Callable[[str], str]) -> Iterator[str]:

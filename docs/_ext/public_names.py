@@ -56,6 +56,8 @@ def _entry(path: str) -> list[str]:
 
 def _process(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     lines[:] = as_rst(lines, _short_names())
+    if what in ("property", "attribute", "data"):
+        lines.insert(0, "")  # or napoleon takes what stands before a colon in the first line for a type
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
