@@ -50,6 +50,7 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 napoleon_custom_sections = [("Settings", "params_style")]
 napoleon_use_rtype = False
+napoleon_attr_annotations = False  # the constructor's signature has them
 
 copybutton_exclude = ".linenos, .gp, .go"
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import importlib
 import inspect
+import re
 from typing import Any
 
 from docstrings import as_rst
@@ -60,9 +61,24 @@ def _process(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: l
         lines.insert(0, "")  # or napoleon takes what stands before a colon in the first line for a type
 
 
+def _short_types(
+    app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """The signature with type aliases and numpy's array types as the code writes them."""
+    return tuple(None if text is None else _shortened(text) for text in (signature, returned))  # type: ignore[return-value]
+
+
+def _shortened(text: str) -> str:
+    text = re.sub(r"(?:\w+\.)*TypeAliasForwardRef\('([\w.]+)'\)", lambda found: found[1].rpartition(".")[2], text)
+    return re.sub(
+        r"(?:numpy\.)?ndarray\[tuple\[Any, \.\.\.\], (?:numpy\.)?dtype\[(?:numpy\.)?(\w+)\]\]", r"NDArray[\1]", text
+    )
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """What Sphinx calls when it loads this file."""
     app.add_directive("public-names", PublicNames)
     # Before napoleon, whose priority is 500: it reads the sections of what this leaves.
     app.connect("autodoc-process-docstring", _process, priority=400)
+    app.connect("autodoc-process-signature", _short_types)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -92,7 +92,7 @@ def humanoid() -> None:
     fig, axes = plt.subplots(1, 2, figsize=(9.6, 3.4), sharey=True, constrained_layout=True)
     for axis, title, steps in zip(axes, ("within reach", "out of reach"), (800, 1600), strict=True):
         if title == "out of reach":
-            hand.target = robot.pose("right_grip")[1] + [1.0, 0.0, 0.0]
+            hand.target = gaze.target = robot.pose("right_grip")[1] + [1.0, 0.0, 0.0]
         soles, com, off = [task.target for task in page["feet"]], page["balance"].target, []
         for _ in range(steps):
             command = runner.step(robot, dt=0.005)
