@@ -16,6 +16,7 @@ from docstrings import as_rst
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+from sphinx.util.inspect import TypeAliasForwardRef
 from subjects import exported
 
 
@@ -64,12 +65,11 @@ def _process(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: l
 def _short_types(
     app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
-    """The signature with type aliases and numpy's array types as the code writes them."""
+    """The signature with numpy's array types as the code writes them."""
     return tuple(None if text is None else _shortened(text) for text in (signature, returned))  # type: ignore[return-value]
 
 
 def _shortened(text: str) -> str:
-    text = re.sub(r"(?:\w+\.)*TypeAliasForwardRef\('([\w.]+)'\)", lambda found: found[1].rpartition(".")[2], text)
     return re.sub(
         r"(?:numpy\.)?ndarray\[tuple\[Any, \.\.\.\], (?:numpy\.)?dtype\[(?:numpy\.)?(\w+)\]\]", r"NDArray[\1]", text
     )
@@ -80,5 +80,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("public-names", PublicNames)
     # Before napoleon, whose priority is 500: it reads the sections of what this leaves.
     app.connect("autodoc-process-docstring", _process, priority=400)
+    # Sphinx writes the repr of an alias in a union.
+    TypeAliasForwardRef.__repr__ = lambda self: self.name.rpartition(".")[2]  # type: ignore[method-assign]
     app.connect("autodoc-process-signature", _short_types)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
