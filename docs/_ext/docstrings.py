@@ -15,6 +15,11 @@ def as_rst(lines: list[str], short: dict[str, str]) -> list[str]:
     return list(_blocks(_bulleted(lines), lambda line: _inline(line, short)))
 
 
+def has_sections(lines: list[str]) -> bool:
+    """Whether one of them opens a section such as "Args:"."""
+    return any(_SECTION.match(line) for line in lines)
+
+
 def _bulleted(lines: list[str]) -> list[str]:
     """Lines such as "name: what it is", indented under a sentence that ends in a colon, as a list."""
     found: list[str] = []
