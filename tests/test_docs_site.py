@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import matplotlib.image
 import pytest
 
 import hqp_rp
@@ -138,6 +139,22 @@ def test_a_list_of_names_under_a_sentence_is_a_list() -> None:
     as_rst = importlib.import_module("docstrings").as_rst
     lines = ["It declares:", "    name: one", "        more", "    a, b: two", "", "Args:", "    x: y"]
     assert as_rst(lines, {}) == ["It declares:", "", "- name: one", "  more", "- a, b: two", "", "Args:", "    x: y"]
+
+
+# --- pictures --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["arm_with_limits", "through_a_singularity", "force_on_a_wall", "humanoid"])
+def test_a_tutorial_picture_is_drawn_from_its_page(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(DOCS / "figures"))
+    tutorials = importlib.import_module("tutorials")
+    monkeypatch.setattr(tutorials, "OUT", tmp_path)
+    {picture.__name__: picture for picture in tutorials.PICTURES}[name]()
+    drawn, kept = (matplotlib.image.imread(folder / f"{name}.png") for folder in (tmp_path, DOCS / "figures"))
+    # Fonts and rounding noise differ between machines: the same size, and the same picture on the whole.
+    assert drawn.shape == kept.shape
+    assert abs(float(drawn.mean()) - float(kept.mean())) < 0.02
+    assert f"../figures/{name}.png" in (DOCS / "tutorials" / f"{name}.md").read_text(encoding="utf-8")
 
 
 # --- code that is not Python -----------------------------------------------------------------------------------------

@@ -61,7 +61,7 @@ def subject_of(name: str, thing: Any) -> str:
     """The subject, which is a page of docs/reference, that the public `name` is shown under."""
     if name in _VALUES:
         return _VALUES[name]
-    module = getattr(thing, "__module__", None) or getattr(thing, "__name__", "")
+    module = str(getattr(thing, "__module__", None) or getattr(thing, "__name__", ""))
     module = module.removeprefix("hqp_rp.").removeprefix("builtins")
     if module.startswith("control.") and module.split(".")[1] in _INTERACTION:
         return "interaction"

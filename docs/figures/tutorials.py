@@ -21,6 +21,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 HERE = Path(__file__).parent
+OUT = HERE
 COLORS = ["#1f5fa8", "#c0392b", "#2e8b57", "#b8860b", "#6b4fa0"]
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 Values = dict[str, Any]
@@ -118,7 +119,7 @@ def finish(fig: Any, axes: Any, below: str, name: str) -> None:
         axis.set_xlabel(below)
         axis.spines[["top", "right"]].set_visible(False)
         axis.grid(alpha=0.25)
-    fig.savefig(HERE / f"{name}.png", dpi=110)
+    fig.savefig(OUT / f"{name}.png", dpi=110)
     plt.close(fig)
 
 
