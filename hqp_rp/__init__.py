@@ -34,7 +34,7 @@ from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
 
 if TYPE_CHECKING:
     from hqp_rp import problems
-    from hqp_rp.compare.stress import stress
+    from hqp_rp.compare.stress.stress import stress
     from hqp_rp.control.acceleration_stack import AccelerationStack
     from hqp_rp.control.angular_momentum_task import AngularMomentumTask
     from hqp_rp.control.catalogue import Catalogue, find_singularities
@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from hqp_rp.control.twist_task import TwistTask
     from hqp_rp.core.batch import BatchSolution, solve_batch
     from hqp_rp.core.certificate import Certificate, certify
+    from hqp_rp.core.derivative import NotDifferentiableError, ProblemGradient, SolutionDerivative, jvp, vjp
     from hqp_rp.core.diagnostics import LevelReport, Singularity, diagnose
     from hqp_rp.core.distance import Distance, distance
     from hqp_rp.core.io import load_problem, save_problem
@@ -108,6 +109,7 @@ __all__ = [
     "MotionRunner",
     "NoDamping",
     "NoSolutionError",
+    "NotDifferentiableError",
     "NumericalFiltering",
     "OrientationTask",
     "PointingTask",
@@ -117,11 +119,13 @@ __all__ = [
     "PostureTask",
     "Problem",
     "ProblemError",
+    "ProblemGradient",
     "RelativePoseTask",
     "RobotError",
     "SettingError",
     "Singularity",
     "Solution",
+    "SolutionDerivative",
     "Solver",
     "Stack",
     "Status",
@@ -144,6 +148,7 @@ __all__ = [
     "distance",
     "find_singularities",
     "get_solver",
+    "jvp",
     "load_problem",
     "load_robot",
     "problems",
@@ -152,6 +157,7 @@ __all__ = [
     "solve_batch",
     "stress",
     "truth",
+    "vjp",
 ]
 
 # `import hqp_rp` stays light: what needs more than numpy is imported when it is first used.
@@ -195,6 +201,11 @@ _LAZY = {
     "certify": "core.certificate",
     "Distance": "core.distance",
     "distance": "core.distance",
+    "NotDifferentiableError": "core.derivative",
+    "ProblemGradient": "core.derivative",
+    "SolutionDerivative": "core.derivative",
+    "jvp": "core.derivative",
+    "vjp": "core.derivative",
     "LevelReport": "core.diagnostics",
     "Singularity": "core.diagnostics",
     "diagnose": "core.diagnostics",
@@ -203,7 +214,7 @@ _LAZY = {
     "Truth": "core.truth",
     "truth": "core.truth",
     "load_robot": "robot.model_file",
-    "stress": "compare.stress",
+    "stress": "compare.stress.stress",
 }
 
 # The package that a name needs, asked for in the name that the user wrote.

@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm, as_one, as_one_level
-from hqp_rp.core.damping import ConstantDamping, Damping
+from hqp_rp.core.damping import ConstantDamping, Damping, VariableDamping
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution
+from hqp_rp.core.variant import SOFT, LineUp, Variant
 
 
 def equation_7(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray, eta: float, W: FloatArray) -> FloatArray:
@@ -53,6 +54,18 @@ class DampedLeastSquares(ClosedForm):
     summary: ClassVar[str] = "damped least squares over all levels at once, without priority"
     source: ClassVar[str] = "paper (6)-(7), (14)-(19)"
     exact_levels: ClassVar[int] = 1
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant("DLS constant", {"damping": ConstantDamping(0.1)}, SOFT, "all levels as one, damped everywhere"),
+            Variant(
+                "DLS variable",
+                {"damping": VariableDamping(0.1, 0.1)},
+                SOFT,
+                "all levels as one, damped near singularities",
+            ),
+        ),
+        place=110,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

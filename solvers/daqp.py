@@ -19,6 +19,7 @@ from hqp_rp.core.problem import FloatArray, Problem, Stacked
 from hqp_rp.core.qp_backend import check_positive
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
+from hqp_rp.core.variant import QP, LineUp, Variant
 from hqp_rp.core.verify import breaks_hard_rows, contradiction, fault_of
 
 _EQUALITY = 5  # DAQP's flag of a row whose bounds coincide
@@ -133,6 +134,10 @@ class Daqp(Solver):
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (Variant("DAQP hierarchy", {}, QP, "DAQP's own hierarchical mode"),),
+        place=150,
+    )
 
     def __post_init__(self) -> None:
         for name in ("accept", "rho", "primal_tol"):

@@ -14,6 +14,7 @@ from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+from hqp_rp.core.variant import DAMPED, LineUp, Variant
 
 Priorities: TypeAlias = float | tuple[tuple[float, ...], ...]
 
@@ -49,6 +50,18 @@ class GeneralizedHierarchy(Solver):
     summary: ClassVar[str] = "levels' own answers, each projected out of the others' way to a degree; no jump in a swap"
     source: ClassVar[str] = "Liu, Tan and Padois 2016"
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "generalized hierarchy",
+                {},
+                DAMPED,
+                "strict priorities by generalized projectors: (13), and partly strict ones",
+            ),
+        ),
+        place=180,
+        only_with="transitions",
+    )
 
     def __post_init__(self) -> None:
         rows = self.alpha

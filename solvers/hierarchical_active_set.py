@@ -14,6 +14,7 @@ from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.variant import QP, LineUp, Variant
 from hqp_rp.core.verify import fault_of
 
 _STATUSES = tuple(Status)
@@ -65,6 +66,10 @@ class HierarchicalActiveSet(Solver):
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (Variant("active set", {}, QP, "one active set over the whole hierarchy, no QP back end"),),
+        place=140,
+    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:

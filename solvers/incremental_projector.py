@@ -10,6 +10,7 @@ import numpy as np
 
 from hqp_rp.core.level_by_level import LevelByLevel, Svd, require_positive
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.variant import BOUNDED, LineUp, Variant
 
 
 def baerlocher_boulic(J: list[FloatArray], b: list[FloatArray], largest_step: float) -> FloatArray:
@@ -70,6 +71,17 @@ class IncrementalProjector(LevelByLevel):
     name: ClassVar[str] = "incremental_projector"
     summary: ClassVar[str] = "null-space priority, each level damped just enough to bound its step"
     source: ClassVar[str] = "Baerlocher and Boulic 2004"
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "incremental projector",
+                {"largest_step": 3.0},
+                BOUNDED,
+                "Baerlocher and Boulic: no level's step longer than the arm's own 3 rad/s",
+            ),
+        ),
+        place=40,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -13,6 +13,7 @@ from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+from hqp_rp.core.variant import EXACT, LineUp, Variant
 
 Activation: TypeAlias = float | tuple[float, ...]
 _MOST = 10
@@ -46,6 +47,18 @@ class IntermediateDesiredValue(Solver):
     summary: ClassVar[str] = "null-space priority with levels that are present to a degree"
     source: ClassVar[str] = "Lee, Mansard and Park 2012"
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "intermediate desired value",
+                {},
+                EXACT,
+                "null-space priority with levels present to a degree; here all present",
+            ),
+        ),
+        place=190,
+        only_with="transitions",
+    )
 
     def __post_init__(self) -> None:
         given = self.activation

@@ -11,6 +11,7 @@ import numpy as np
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_by_level import LevelByLevel, Svd, require_positive
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.variant import BOUNDED, LineUp, Variant
 
 
 def jparse_inverse(J: FloatArray, gamma: float, gain: float = 1.0) -> FloatArray:
@@ -61,6 +62,14 @@ class JParse(LevelByLevel):
     name: ClassVar[str] = "jparse"
     summary: ClassVar[str] = "singular directions scaled down and inverted by singular values held away from zero"
     source: ClassVar[str] = "Guptasarma, Strong, Zhen and Kennedy 2025"
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "J-PARSE", {}, BOUNDED, "singular directions scaled, singular values held above a tenth of the largest"
+            ),
+        ),
+        place=30,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

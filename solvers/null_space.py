@@ -10,12 +10,20 @@ from numpy.typing import NDArray
 
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm
-from hqp_rp.core.damping import NoDamping
+from hqp_rp.core.damping import (
+    ConstantDamping,
+    ManipulabilityDamping,
+    NoDamping,
+    NumericalFiltering,
+    Truncation,
+    VariableDamping,
+)
 from hqp_rp.core.errors import unknown_name
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 from hqp_rp.core.stacked import load, pinv, pinv_times
+from hqp_rp.core.variant import BOUNDED, DAMPED, EXACT, LineUp, Variant
 
 VARIANTS = ("basis", "projector")
 
@@ -57,6 +65,35 @@ class NullSpace(ClosedForm):
     source: ClassVar[str] = "paper (9)-(11); Siciliano and Slotine 1991"
     exact_levels: ClassVar[int] = 1_000_000
     takes_damping: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant("null space", {}, EXACT, "the stable form: an orthonormal basis of the remaining null space"),
+            Variant("null space textbook", {"variant": "projector"}, EXACT, "the recursion as textbooks print it"),
+            Variant(
+                "null space constant", {"damping": ConstantDamping(0.1)}, DAMPED, "damped everywhere along the path"
+            ),
+            Variant(
+                "null space variable",
+                {"damping": VariableDamping(0.1, 0.1)},
+                DAMPED,
+                "damped near singularities only, (18)-(19)",
+            ),
+            Variant("null space truncated", {"damping": Truncation(0.01)}, DAMPED, "small singular values cut"),
+            Variant(
+                "null space filtered",
+                {"damping": NumericalFiltering(0.1, 0.1)},
+                BOUNDED,
+                "numerical filtering: the last singular direction alone is damped",
+            ),
+            Variant(
+                "null space manipulability",
+                {"damping": ManipulabilityDamping(0.05, 0.1)},
+                BOUNDED,
+                "damped by the manipulability, as Nakamura and Hanafusa have it",
+            ),
+        ),
+        place=10,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -13,6 +13,7 @@ from hqp_rp.core.metric import checked_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.variant import DAMPED, LineUp, Variant
 
 PROJECTIONS = ("augmented", "successive")
 CONSISTENCIES = ("dynamic", "static", "stiffness")
@@ -57,6 +58,15 @@ class NullSpaceTorque(Solver):
     summary: ClassVar[str] = "torques of each task, projected into the null space of those before it"
     source: ClassVar[str] = "Dietrich, Ott and Albu-Schaeffer 2015"
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant("projected torques", {}, DAMPED, "augmented, dynamically consistent: exact on level 1 alone"),
+            Variant("projected torques static", {"consistency": "static"}, DAMPED, "the same, statically consistent"),
+            Variant("projected torques successive", {"projection": "successive"}, DAMPED, "the same, successive"),
+        ),
+        place=90,
+        only_with="torques",
+    )
 
     def __post_init__(self) -> None:
         if self.projection not in PROJECTIONS:

@@ -13,6 +13,7 @@ from hqp_rp.core.damping import NoDamping
 from hqp_rp.core.errors import SettingError, unknown_name
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.stacked import load
+from hqp_rp.core.variant import DAMPED, EXACT, LineUp, Variant
 
 SINGULARITIES = ("as damping says", "selective", "blend")
 
@@ -69,6 +70,27 @@ class OperationalSpace(ClosedForm):
     summary: ClassVar[str] = "task forces through the inertia each task feels; the null-space answer in the metric M"
     source: ClassVar[str] = "Khatib 1987; Sentis and Khatib 2005"
     exact_levels: ClassVar[int] = 1_000_000
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "operational space", {}, EXACT, "Khatib and Sentis: null-space priority in the metric of the problem"
+            ),
+            Variant(
+                "operational selective",
+                {"singularity": "selective"},
+                DAMPED,
+                "small eigenvalues of the task inertia damped",
+            ),
+            Variant(
+                "operational blend",
+                {"singularity": "blend"},
+                DAMPED,
+                "singular directions blended out, left to lower levels",
+            ),
+        ),
+        place=80,
+        only_with="torques",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

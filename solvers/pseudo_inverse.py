@@ -13,6 +13,7 @@ from hqp_rp.core.closed_form import ClosedForm, as_one, as_one_level
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution
+from hqp_rp.core.variant import SOFT, LineUp, Variant
 
 
 def equation_5(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
@@ -37,6 +38,10 @@ class PseudoInverse(ClosedForm):
     summary: ClassVar[str] = "least squares over all levels at once, without priority"
     source: ClassVar[str] = "paper (1)-(5), (17)"
     exact_levels: ClassVar[int] = 1
+    variants: ClassVar[LineUp] = LineUp(
+        (Variant("pseudo-inverse", {}, SOFT, "all levels as one: the classical solution without priority"),),
+        place=100,
+    )
 
     def native(self) -> _native.ClosedForm | None:
         return _native.null_space(self.rank_tolerance, self.damping.kind, *self.damping.parameters)

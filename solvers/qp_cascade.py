@@ -14,6 +14,7 @@ from hqp_rp.core.qp_workspace import Workspace
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver, checked_secondary
 from hqp_rp.core.tolerances import SOLVED
+from hqp_rp.core.variant import QP, LineUp, Variant
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -62,6 +63,15 @@ class QpCascade(Solver):
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant("QP ProxQP", {"backend": "proxqp"}, QP, "native interface, workspaces kept"),
+            Variant("QP OSQP", {"backend": "osqp"}, QP, "native interface, workspaces kept"),
+            Variant("QP DAQP", {"backend": "daqp"}, QP, "through qpsolvers"),
+            Variant("QP quadprog", {"backend": "quadprog"}, QP, "through qpsolvers"),
+        ),
+        place=130,
+    )
 
     backend: str = "proxqp"
     eps_abs: float = 1e-9

@@ -9,10 +9,11 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import ClosedForm
-from hqp_rp.core.damping import ConstantDamping, Damping, NoDamping, NumericalFiltering, Truncation
+from hqp_rp.core.damping import ConstantDamping, Damping, NoDamping, NumericalFiltering, Truncation, VariableDamping
 from hqp_rp.core.errors import SettingError, unknown_name
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.stacked import Loaded, by_rank, damping_factors, load, pinv, pinv_times, range_projector, two_norms
+from hqp_rp.core.variant import DAMPED, EXACT, LineUp, Variant
 
 FORMS = ("columns", "projector")
 PLACES = ("t_k", "everywhere")
@@ -79,6 +80,30 @@ class ReversePriority(ClosedForm):
     summary: ClassVar[str] = "lowest level first, each higher one corrected with the least disturbance of those below"
     source: ClassVar[str] = "paper (20)-(32); Flacco and De Luca 2014"
     exact_levels: ClassVar[int] = 2
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant("reverse priority", {}, EXACT, "equation (29), undamped; lexicographic on two levels only"),
+            Variant(
+                "reverse T_k constant",
+                {"damping": ConstantDamping(0.1)},
+                DAMPED,
+                "damping in the pseudo-inverse that gives T_k only",
+            ),
+            Variant(
+                "reverse T_k variable",
+                {"damping": VariableDamping(0.1, 0.1)},
+                DAMPED,
+                "the same, near singularities only",
+            ),
+            Variant(
+                "reverse all damped",
+                {"damping": ConstantDamping(0.1), "damp": "everywhere"},
+                DAMPED,
+                "a plain reading of (15) in (32): every pseudo-inverse damped",
+            ),
+        ),
+        place=50,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

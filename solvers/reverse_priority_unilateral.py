@@ -17,6 +17,7 @@ from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.stacked import load
 from hqp_rp.core.tolerances import UNILATERAL_ROUNDING
+from hqp_rp.core.variant import WITHIN, LineUp, Variant
 from hqp_rp.core.verify import hard_excess
 
 _STATUSES = tuple(Status)
@@ -61,6 +62,15 @@ class ReversePriorityUnilateral(ClosedForm):
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
     exact_levels: ClassVar[int] = 2
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "reverse priority unilateral", {}, WITHIN, "hard rows that are active enter as the level executed last"
+            ),
+        ),
+        place=160,
+        only_with="limits",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

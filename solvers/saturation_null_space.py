@@ -15,6 +15,7 @@ from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
 from hqp_rp.core.tolerances import SATURATED
+from hqp_rp.core.variant import WITHIN, LineUp, Variant
 
 VARIANTS = ("basic", "optimal")
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
@@ -90,6 +91,24 @@ class SaturationNullSpace(Solver):
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "saturation null space",
+                {},
+                WITHIN,
+                "SNS, basic: saturates unknowns at their bounds, then scales the task",
+            ),
+            Variant(
+                "saturation optimal",
+                {"variant": "optimal"},
+                WITHIN,
+                "Opt-SNS: releases too; largest scale, then least norm",
+            ),
+        ),
+        place=200,
+        only_with="limits",
+    )
 
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hqp_rp.core.level_by_level import LevelByLevel, Svd, require_positive
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.variant import BOUNDED, LineUp, Variant
 
 
 def buss_kim(J: FloatArray, e: FloatArray, gamma_max: float) -> FloatArray:
@@ -57,6 +58,17 @@ class SelectivelyDamped(LevelByLevel):
         "each singular direction clamped by what it moves in vain; bounded, inexact for large targets"
     )
     source: ClassVar[str] = "Buss and Kim 2005"
+    variants: ClassVar[LineUp] = LineUp(
+        (
+            Variant(
+                "selectively damped",
+                {"gamma_max": 3.0},
+                BOUNDED,
+                "Buss and Kim: each singular direction clamped, at most the arm's own 3 rad/s for each level",
+            ),
+        ),
+        place=20,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

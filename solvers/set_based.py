@@ -16,6 +16,7 @@ from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+from hqp_rp.core.variant import WITHIN, LineUp, Variant
 
 _OVERFLOW = "An intermediate result overflowed; scale the rows or the right-hand sides."
 
@@ -56,6 +57,11 @@ class SetBased(Solver):
     takes_inequalities: ClassVar[bool] = True
     takes_hard: ClassVar[bool] = True
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (Variant("set-based tasks", {}, WITHIN, "two-sided rows active at a bound, the fewest first"),),
+        place=170,
+        only_with="limits",
+    )
 
     def __post_init__(self) -> None:
         limit = self.max_modes

@@ -10,6 +10,7 @@ import numpy as np
 from hqp_rp.core.closed_form import ClosedForm
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.stacked import by_rank, load, pinv_times
+from hqp_rp.core.variant import DAMPED, LineUp, Variant
 
 
 def equation_13(J: list[FloatArray], b: list[FloatArray], zeta: FloatArray) -> FloatArray:
@@ -38,6 +39,10 @@ class SingularityRobust(ClosedForm):
     summary: ClassVar[str] = "each level's own pseudo-inverse, projected once; bounded, but inexact below level 1"
     source: ClassVar[str] = "paper (13); Chiaverini 1997"
     exact_levels: ClassVar[int] = 1
+    variants: ClassVar[LineUp] = LineUp(
+        (Variant("singularity robust", {}, DAMPED, "Chiaverini's (13): bounded, inexact below level 1"),),
+        place=70,
+    )
 
     def stacked(
         self, matrix: FloatArray, rhs: FloatArray, offsets: IntArray, secondary: FloatArray

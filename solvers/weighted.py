@@ -16,6 +16,7 @@ from hqp_rp.core.qp_workspace import Workspace
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 from hqp_rp.core.tolerances import SOLVED, TALL_RANK
+from hqp_rp.core.variant import SOFT, LineUp, Variant
 
 SUM = "the weighted sum"
 
@@ -56,6 +57,10 @@ class Weighted(Solver):
     takes_hard: ClassVar[bool] = True
     takes_damping: ClassVar[bool] = True
     takes_metric: ClassVar[bool] = True
+    variants: ClassVar[LineUp] = LineUp(
+        (Variant("weighted", {}, SOFT, "soft weights instead of priorities, as mink and pink do"),),
+        place=120,
+    )
 
     ratio: float = 1e-4
     weights: tuple[float, ...] | None = None

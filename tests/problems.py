@@ -219,6 +219,23 @@ def degenerate(seed: int = 0) -> Problem:
     return Problem(levels, Level(A, lower, lower + rng.integers(0, 3, count)))
 
 
+def nearly_degenerate(seed: int, by: float) -> tuple[Problem, Array]:
+    """`degenerate(seed)` in unknowns turned a little and with rows scaled a little, so that every rank stays; bounds moved by
+    about `by`, so that levels contradict each other by that little; and a secondary vector of that length.
+    """
+    problem, rng = degenerate(seed), np.random.default_rng(seed)
+    A, lower, upper, _ = problem.with_hard
+    turn, size = 0.3 * rng.standard_normal((problem.n, problem.n)), 0.3 * rng.standard_normal(len(A))
+    A = (A + by * size[:, None] * A) @ (np.eye(problem.n) + by * turn)
+    rng = np.random.default_rng(seed + 10**6)
+    low = lower + by * rng.standard_normal(len(lower))
+    up = np.maximum(np.where(lower == upper, low, upper + by * rng.standard_normal(len(lower))), low)
+    h = problem.hard_rows
+    hard = Level(A[:h], low[:h], up[:h]) if h else None
+    moved = Problem.from_stacked(A[h:], low[h:], up[h:], problem.offsets, hard=hard)
+    return moved, by * rng.standard_normal(problem.n)
+
+
 def dependent_up_to_rounding(seed: int = 0, n: int = 7, box: float | None = None) -> Problem:
     """Two-sided levels of which the second is a product with the first: dependent but for the rounding of its entries."""
     rng = np.random.default_rng(seed)

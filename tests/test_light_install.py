@@ -47,6 +47,8 @@ assert hqp_rp.solve(free, "null_space", variant="projector").status.ok
 assert hqp_rp.solve(free, "reverse_priority", form="projector").status.ok
 assert [level.rank for level in hqp_rp.diagnose(free, np.zeros(7))] == [3, 3]
 assert len(hqp_rp.problems.names()) > 100 if hasattr(hqp_rp.problems, "names") else True
+for shown in (free, hqp_rp.solve(free, "null_space"), hqp_rp.certify(free, np.zeros(7))):
+    assert shown._repr_html_().startswith("<div>")
 from hqp_rp.robot import planar_arm, sawyer
 assert sawyer().kinematics(np.zeros((3, 7)))[2].shape == (3, 6, 7)
 assert "hqp_rp.control.stack" not in sys.modules and "hqp_rp.robot.robot" not in sys.modules
@@ -72,6 +74,9 @@ for name in hqp_rp.control.__all__:
         ("from hqp_rp.robot import PinocchioRobot", "hqp_rp.robot.PinocchioRobot", "pinocchio", "pinocchio"),
         ("from hqp_rp import load_robot", "hqp_rp.load_robot", "mujoco", "mujoco"),
         ("hqp_rp.stress", "hqp_rp.stress", "jinja2", "report"),
+        ("import hqp_rp.core.torch_layer", "hqp_rp.core.torch_layer", "torch", "torch"),
+        ("import hqp_rp.core.jax_layer", "hqp_rp.core.jax_layer", "jax", "jax"),
+        ("hqp_rp.solve(p, 'null_space').plot()", "Solution.plot", "matplotlib", "report"),
         ("from hqp_rp.robot import load_robot", "hqp_rp.robot.load_robot", "mujoco", "mujoco"),
         (
             "from hqp_rp.scenarios.scenario import all_scenarios; all_scenarios()",

@@ -1,4 +1,11 @@
-"""Solvers side by side on scenarios: runs, metrics, figures, the written report and the command line."""
+"""Solvers side by side: what they are run on, what was measured, what follows, and how it is told.
+
+What flows: `contestants` (who) are run by `measure` on scenarios, in `workers`, what is finished kept in a `run_folder`;
+`limits` and `comparison` rule on that, `stress` samples one robot and stack, `statistics` passages through singularities,
+`claims` tests a paper, `bench` takes times. Each puts its page together from `figures` and `report`. `play` runs one stack
+in a loop for a person to look at. `command_line` is the way in, with `settings_text` and `robot_options` for what is typed and
+`machine` for where it ran.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +13,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hqp_rp.compare.comparison import Comparison, compare
+    from hqp_rp.compare.comparison.comparison import Comparison, compare
     from hqp_rp.compare.contestants import Contestant, default_contestants
 
 __all__ = ["Comparison", "Contestant", "compare", "default_contestants"]
 
 # The command line lists solvers without loading polars, plotly or matplotlib.
 _LAZY = {
-    "Comparison": "comparison",
-    "compare": "comparison",
+    "Comparison": "comparison.comparison",
+    "compare": "comparison.comparison",
     "Contestant": "contestants",
     "default_contestants": "contestants",
 }

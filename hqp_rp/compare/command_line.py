@@ -1,4 +1,4 @@
-"""`hqp-rp`: compare solvers, stress them, replay a case, time them, list solvers, list scenarios."""
+"""`hqp-rp`: compare solvers, stress them, replay a case, play with a robot, time them, list solvers, list scenarios."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def compare(
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
     """
-    from hqp_rp.compare.comparison import compare as run
+    from hqp_rp.compare.comparison.comparison import compare as run
 
     output = user_path(output)
     try:
@@ -109,7 +109,7 @@ def stress(
         workers: processes; one for each core when not given.
         dask: address of a running dask scheduler that takes the work instead, such as tcp://10.0.0.1:8786.
     """
-    from hqp_rp.compare.stress import stress as run
+    from hqp_rp.compare.stress.stress import stress as run
     from hqp_rp.control.stack_file import load_stack
 
     file = load_stack(stack)
@@ -138,20 +138,131 @@ def stress(
     return 0
 
 
-def replay(file: tyro.conf.Positional[tuple[pathlib.Path, ...]], solver: str | None = None) -> int:
-    """Solve saved cases again and judge the answers.
+def replay(
+    file: tyro.conf.Positional[tuple[pathlib.Path, ...]],
+    solver: str | None = None,
+    figure: pathlib.Path | None = None,
+    port: int = 8080,
+) -> int:
+    """Solve saved cases again and judge the answers; or show a run again that `hqp-rp play` recorded.
 
     Args:
         file: .npz files, as a stress test keeps its worst cases; of several, by how much x changes from each to the next.
+            Or one recording, which is shown as a page.
         solver: a solver's name, NAME:KEY=VALUE,KEY=VALUE or PACKAGE.MODULE:CLASS; without it, the one that the case was
             saved for.
+        figure: of a recording, the figure to write instead of showing it: .png, .pdf or .svg.
+        port: of the page of a recording.
     """
-    from hqp_rp.compare.stress_worst import replay_all
+    from hqp_rp.compare.play.recording import is_recording
+
+    if len(file) == 1 and is_recording(file[0]):
+        from hqp_rp.compare.play.command import replay_recording
+
+        if solver is not None:
+            raise SettingError(f"{file[0]} is a recorded run, which is shown as it was; leave --solver out.")
+        print(replay_recording(file[0], figure=figure, port=port))
+        return 0
+    if figure is not None:
+        raise SettingError("--figure is for one recording of hqp-rp play; these files are other ones.")
+    from hqp_rp.compare.stress.worst import replay_all
 
     if not file:
         raise SettingError("replay needs a file: hqp-rp replay worst/CASE.npz.")
     for sentence in replay_all(file, solver):
         print(sentence)
+    return 0
+
+
+def play(
+    robot: tyro.conf.Positional[str | None] = None,
+    *,
+    stack: str | None = None,
+    solver: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    meshes: bool = True,
+    package_path: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    floating_base: bool = False,
+    repair_inertias: bool = False,
+    keyframe: str | None = None,
+    starts: int = 16,
+    file: str = "play.npz",
+    host: str = "127.0.0.1",
+    port: int = 8080,
+) -> int:
+    """Play with a robot on a page in the browser: drag its target, switch the solver, drive to singularities, record it.
+
+    Args:
+        robot: an MJCF or URDF file, or sawyer, planar4 (planarN), dual_sawyer, humanoid; without it, the one that the stack
+            file says under [robot], or the Sawyer.
+        stack: a stack file (TOML), or the name of one that comes with the library; without it, the one of the robot's name.
+        solver: as in `hqp-rp compare`; a second one is seen beside the first, as a ghost. Without it, null_space.
+        meshes, package_path, floating_base, repair_inertias, keyframe: as in `hqp-rp stress`.
+        starts: of the search for singularities, for each level; 0 for none.
+        file: where the page saves recordings.
+        host: the address to serve the page at; 0.0.0.0 lets other machines see it, and play.
+        port: of the page; 0 for any that is free.
+    """
+    from hqp_rp.compare.play.command import page_of
+    from hqp_rp.compare.settings_text import parse_contestant
+
+    given = robot_options(None, meshes, package_path, floating_base, repair_inertias, keyframe)
+    solvers = [parse_contestant(text) for text in solver]
+    page = page_of(robot, stack, solvers, host=host, port=port, starts=starts, file=file, **given)
+    print(f"The page: {page.address} (Ctrl-C ends it)", flush=True)
+    page.run()
+    return 0
+
+
+def statistics(
+    solver: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    arm: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    configurations: int | None = None,
+    paths: int | None = None,
+    seed: int = 0,
+    output: pathlib.Path = pathlib.Path("statistics"),
+    quick: bool = False,
+    overwrite: bool = False,
+    workers: int | None = None,
+) -> int:
+    """Drive three arms along 400 paths each through their singularities: medians, intervals, and which verdicts hang on what.
+
+    It takes some ten minutes on two cores. A study that was stopped goes on where it stopped when the same command is given
+    again.
+
+    Args:
+        solver: as of `compare`; without it, every solver.
+        arm: sawyer, panda_like or planar4; repeat it for more. Without it, all three.
+        configurations: singular ones, for each arm; 20, or 3 with --quick, when not given.
+        paths: through each of them; 20, or 3 with --quick, when not given.
+        seed: of every draw.
+        output: the folder to write.
+        quick: few configurations and paths, for a first look.
+        overwrite: replace the report of another run in that folder.
+        workers: processes; one for each core when not given.
+    """
+    import dataclasses
+
+    from hqp_rp.compare.statistics.passages import Design
+    from hqp_rp.compare.statistics.study import QUICK
+    from hqp_rp.compare.statistics.study import statistics as run
+
+    asked = {name: value for name, value in (("configurations", configurations), ("paths", paths)) if value is not None}
+    design = dataclasses.replace(QUICK if quick else Design(), seed=seed, **asked)
+    output = user_path(output)
+    try:
+        run(
+            design,
+            arms=arm or None,
+            solvers=solver or None,
+            output=output,
+            overwrite=overwrite,
+            workers=workers,
+            progress=True,
+        )
+    except KeyboardInterrupt:
+        print(f"\nStopped. What is finished is kept in {output}; the same command goes on from there.", file=sys.stderr)
+        return INTERRUPTED
+    print(f"The report: {output / 'report.html'}")
     return 0
 
 
@@ -204,7 +315,7 @@ def bench(
         lexls: a checkout of github.com/jrl-umi3218/lexls (C++), timed beside our kernel; needs a C++ compiler and Eigen.
         eigen: the folder that holds the folder Eigen, when it is not where it usually is.
     """
-    from hqp_rp.compare.bench import bench as run
+    from hqp_rp.compare.bench.bench import bench as run
 
     output = user_path(output)
     found = run(
@@ -217,7 +328,7 @@ def bench(
         eigen=eigen,
         progress=True,
     )
-    from hqp_rp.compare.bench_report import answer
+    from hqp_rp.compare.bench.report import answer
 
     for sentence in (*answer(found.measured), *found.against, *found.measured.missing, *found.measured.inside.missing):
         print(f"- {sentence}")
@@ -282,6 +393,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "compare": compare,
     "stress": stress,
     "replay": replay,
+    "play": play,
+    "statistics": statistics,
     "claims": claims,
     "bench": bench,
     "solvers": solvers,

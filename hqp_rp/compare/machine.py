@@ -20,24 +20,29 @@ def source_digest() -> str:
     """12 hexadecimal digits of every Python file that a result depends on: all of hqp_rp but its reports."""
     root = pathlib.Path(hqp_rp.__file__).parent
     together = hashlib.sha256()
-    for folder in ("core", "robot", "control", "solvers", "scenarios", "compare"):
-        for path in sorted((root / folder).rglob("*.py")):
-            if folder == "compare" and path.name not in _JUDGES:
-                continue
-            together.update(path.relative_to(root).as_posix().encode())
-            together.update(path.read_bytes())
+    for path in _sources(root):
+        together.update(path.relative_to(root).as_posix().encode())
+        together.update(path.read_bytes())
     return together.hexdigest()[:12]
 
 
+def _sources(root: pathlib.Path) -> list[pathlib.Path]:
+    folders = ("core", "robot", "control", "solvers", "scenarios")
+    found = [path for folder in folders for path in sorted((root / folder).rglob("*.py"))]
+    return [*found, *(root / "compare" / name for name in _JUDGES)]
+
+
 _JUDGES = (
-    "metrics.py",
-    "reference.py",
-    "run.py",
-    "stress_judge.py",
-    "stress_levels.py",
-    "stress_plan.py",
-    "stress_rows.py",
+    "measure/metrics.py",
+    "measure/reference.py",
+    "measure/units.py",
+    "stress/judge.py",
+    "stress/levels.py",
+    "stress/plan.py",
+    "stress/rows.py",
+    "workers.py",
 )
+"""Of `compare`, what runs and judges; a file that is not where it is said to be is an error."""
 
 
 @functools.cache

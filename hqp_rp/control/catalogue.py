@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,9 @@ from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 KINDS = (Singularity.ALGORITHMIC, Singularity.KINEMATIC, Singularity.BOTH)
 
@@ -90,6 +93,16 @@ class Catalogue(Sequence[SingularConfiguration]):
         """A path that approaches `place` at these sigma. See `approach_path`."""
         inner = dataclasses.replace(place, level=self._index.index(place.level))
         return approach_path(self.robot, self.stack, inner, sigmas, direction=direction, dt=self._dt)
+
+    def plot(self) -> Figure:
+        """A matplotlib figure: for each level and kind a line for each place, over the joints, between their limits.
+
+        What lines have in common is what makes them singular; what differs is the family. Raises `MissingExtraError` without
+        matplotlib.
+        """
+        from hqp_rp.control._atlas_figure import atlas_figure
+
+        return atlas_figure(self)
 
     def __repr__(self) -> str:
         counts: dict[tuple[str, str], int] = {}

@@ -417,6 +417,23 @@ class Stack:
         hard = f", {len(self._limits)} hard" if self._limits else ""
         return f"{type(self).__name__}({' > '.join(self._names)}{hard})"
 
+    def _repr_html_(self) -> str:
+        from hqp_rp.core.html import table
+
+        levels = zip(self._names, self._levels, self._damping, strict=True)
+        rows = [
+            (str(k + 1), name, _described(items), "" if policy is None else repr(policy))
+            for k, (name, items, policy) in enumerate(levels)
+        ]
+        rows = [("hard", "limits", _described(self._limits), ""), *rows] if self._limits else rows
+        metric = "" if self.metric is None else f", metric {self.metric!r}"
+        return table(f"{type(self).__name__}{metric}", ("level", "name", "holds", "damping"), rows)
+
+
+def _described(items: Sequence[Item]) -> str:
+    """The kinds and names of tasks and limits."""
+    return ", ".join(f"{type(item).__name__} {getattr(item, 'name', '')}".rstrip() for item in items)
+
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")

@@ -102,6 +102,11 @@ class Certificate:
         """The largest relative excess of a level."""
         return max(level.relative_excess for level in self.levels)
 
+    def _repr_html_(self) -> str:
+        from hqp_rp.core.html import certificate_html
+
+        return certificate_html(self)
+
 
 def certify(
     problem: Problem,

@@ -266,6 +266,11 @@ class Problem(_native.Problem):
         metric = "" if self.metric is None else ", with a metric"
         return f"Problem({rows} rows on {self.n} unknowns{hard}{damped}{metric})"
 
+    def _repr_html_(self) -> str:
+        from hqp_rp.core.html import problem_html
+
+        return problem_html(self)
+
 
 def _rebuild(
     matrix: FloatArray,

@@ -9,6 +9,7 @@ from hqp_rp.core import _native
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from hqp_rp.core.conflict import Conflict
@@ -141,8 +142,22 @@ class Solution(_native.Solution):
         found: tuple[LevelReport, ...] = kept["levels"]
         return found
 
+    def plot(self) -> Figure:
+        """A matplotlib figure: residual and sigma_min of each level on logarithmic axes, and x.
+
+        Raises `MissingExtraError` without matplotlib, `ValueError` where there is no x to judge.
+        """
+        from hqp_rp.core.plot import solution_figure
+
+        return solution_figure(self)
+
     def __repr__(self) -> str:
         return f"Solution({self.status.name}, x={self.x}, iterations={self.iterations})"
+
+    def _repr_html_(self) -> str:
+        from hqp_rp.core.html import solution_html
+
+        return solution_html(self)
 
 
 _native.register_solution(Solution, tuple(Status))

@@ -18,6 +18,7 @@ from hqp_rp.core.plugins import plugins
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.tolerances import RANK, SOLVED
+from hqp_rp.core.variant import LineUp
 
 RANK_TOLERANCE = RANK
 """A singular value of A_k restricted to the remaining null space counts as zero when it is <= this * ||A_k||_2."""
@@ -34,6 +35,7 @@ class Solver(abc.ABC):
         takes_inequalities, takes_hard: whether it accepts two-sided rows and hard rows.
         takes_damping: whether it accepts damping of single levels (`hqp_rp.core.level_damping`).
         takes_metric: whether it accepts a metric on the unknown (`hqp_rp.core.metric`).
+        variants: how it is shown beside others; without it, once, with its defaults. Not inherited.
     """
 
     name: ClassVar[str]
@@ -43,6 +45,7 @@ class Solver(abc.ABC):
     takes_hard: ClassVar[bool] = False
     takes_damping: ClassVar[bool] = False
     takes_metric: ClassVar[bool] = False
+    variants: ClassVar[LineUp] = LineUp()
 
     @property
     def tolerance(self) -> float:

@@ -18,7 +18,7 @@ from hqp_rp.problems.known_problem import KnownAnswer, KnownProblem, load_known
 
 __all__ = ["DATA", "KnownAnswer", "KnownProblem", "families", "load", "names", "path", "version"]
 
-version = "1.0"
+version = "1.1"
 """Of the numbers, apart from the library's: see docs/problem_set.md for what a change of it means."""
 
 DATA = pathlib.Path(__file__).with_name("data")
@@ -38,6 +38,9 @@ _FAMILIES = {
     "sawyer": "7-joint Sawyer: tool position, orientation, posture; limits; sigma 1e-1 ... 1e-13",
     "dual_arm": "two Sawyers, 14 joints: relative and absolute poses, limits",
     "humanoid": "Apptronik Apollo, 32 joints and floating base: five levels, limits",
+    "metric": "least ||x||_W with a metric W on the unknown: dense, diagonal, with dependent rows, within hard rows",
+    "damped": "levels with a damping of their own, constant or by their error; near singularities; within hard rows",
+    "torque": "Sawyer commanded by torques, with and without a contact: joint accelerations and contact forces as unknowns",
 }
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hqp_rp.core.damping import NoDamping
 from hqp_rp.core.errors import FileError
 from hqp_rp.core.io import FORMAT, PathLike, load_problem, version_of
 from hqp_rp.core.paths import user_path
@@ -47,7 +48,7 @@ class KnownProblem:
             meaning.
         seed, made: its seed, and a sentence on how it is made.
         proof: a sentence on how its answer was found and proven.
-        set_version: the version of the set that it belongs to.
+        set_version: the version of the set that it came with.
     """
 
     name: str
@@ -136,6 +137,12 @@ def to_arrays(known: KnownProblem) -> dict[str, Any]:
             "hard_upper": hard.upper,
             "hard_name": np.array(hard.name),
         }
+    if problem.damping is not None:
+        policies = [policy or NoDamping() for policy in problem.damping]
+        arrays["damping_kind"] = np.array([policy.kind for policy in policies])
+        arrays["damping_parameters"] = np.array([policy.parameters for policy in policies])
+    if problem.metric is not None:
+        arrays["metric"] = problem.metric
     if known.rule is not None:
         arrays |= {
             "x_rule": known.rule.x,

@@ -16,7 +16,7 @@ import numpy as np
 
 from hqp_rp import problems
 from hqp_rp.core.truth import Truth
-from hqp_rp.problems import equality_families, inequality_families, robot_families
+from hqp_rp.problems import equality_families, inequality_families, norm_families, robot_families
 from hqp_rp.problems.exact import exact_answer
 from hqp_rp.problems.known_problem import KnownAnswer, KnownProblem, to_arrays
 from hqp_rp.problems.recipe import Recipe
@@ -41,6 +41,9 @@ _MAKERS: tuple[Callable[[], Iterator[Recipe]], ...] = (
     robot_families.sawyer,
     robot_families.dual_arm,
     robot_families.humanoid,
+    norm_families.metric,
+    norm_families.damped,
+    robot_families.torque,
 )
 
 
@@ -64,7 +67,7 @@ def make(recipe: Recipe) -> KnownProblem:
         seed=recipe.seed,
         made=recipe.made,
         proof=answer.proof,
-        set_version=problems.version,
+        set_version=recipe.since,
     )
 
 
@@ -86,8 +89,8 @@ def table(set_: Iterable[KnownProblem]) -> str:
     for known in set_:
         rows[known.family].append(known)
     lines = [
-        "| family | problems | n | levels | inequalities | hard rows | infeasible | ambiguous | what it holds |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| family | since | problems | n | levels | inequalities | hard rows | infeasible | ambiguous | what it holds |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for family, found in [*rows.items(), ("all", [known for one in rows.values() for known in one])]:
         words = problems.families().get(family, f"version {problems.version}")
@@ -98,7 +101,8 @@ def table(set_: Iterable[KnownProblem]) -> str:
             sum(known.ambiguous for known in found),
         )
         sizes = (_range([known.problem.n for known in found]), _range([known.problem.p for known in found]))
-        lines.append(f"| {' | '.join([family, str(len(found)), *sizes, *map(str, counts), words])} |")
+        since = min(known.set_version for known in found)
+        lines.append(f"| {' | '.join([family, since, str(len(found)), *sizes, *map(str, counts), words])} |")
     return "\n".join(lines)
 
 

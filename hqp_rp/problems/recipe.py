@@ -24,6 +24,7 @@ class Recipe:
         build: makes the problem from its draw.
         distance: of a problem at a controlled distance from what makes it hard, that distance (`made` says in which
             unit); 0 is on it; None where there is none.
+        since: the version of the set that it came with.
     """
 
     family: str
@@ -32,6 +33,7 @@ class Recipe:
     made: str
     build: Callable[[Draw], Problem]
     distance: float | None = None
+    since: str = "1.0"
 
     @property
     def name(self) -> str:

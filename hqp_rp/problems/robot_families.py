@@ -5,6 +5,7 @@ The Jacobians are read from `robots.npz`, so that the problems are the same on e
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -127,6 +128,46 @@ def humanoid() -> Iterator[Recipe]:
         ]  # fmt: skip
         for j, (label, words, levels, bounds) in enumerate(cases):
             yield _recipe("humanoid", f"{label}_q{i}", 12_000 + 10 * i + j, f"{words}, in {pose}.", levels, bounds)
+
+
+_TORQUE = {
+    "free": "Tool position, tool orientation and posture as joint accelerations (rad/s^2) of a moving arm; the metric is the "
+    "inertia matrix.",
+    "limits": "Tool position, tool orientation and posture as joint accelerations of a moving arm; hard torque limits of 60 "
+    "N m and joint limits.",
+    "contact": "The tool rests on a surface: the contact at rest, tool orientation, posture; joint accelerations and the "
+    "contact force (100 N) as unknowns; hard torque limits of 60 N m, friction and unilaterality.",
+}
+
+
+def torque() -> Iterator[Recipe]:
+    """A Sawyer commanded by torques: inverse dynamics with the torques eliminated."""
+    arrays = load_snapshot()
+    for label, words in _TORQUE.items():
+        for i in range(3):
+            own = {
+                name.rpartition("/")[2]: array
+                for name, array in arrays.items()
+                if name.startswith(f"torque/{label}_q{i}/")
+            }
+            yield Recipe(
+                "torque",
+                f"{label}_q{i}",
+                400 + i,
+                f"{words} At random configuration {i}, numbers kept in robots.npz.",
+                lambda draw, own=own: _kept(own),  # type: ignore[misc]
+                since="1.1",
+            )
+
+
+def _kept(arrays: Snapshot) -> Problem:
+    """The problem of which the snapshot holds every number."""
+    cuts = arrays["offsets"].astype(np.int64)
+    levels = [
+        Level(arrays["matrix"][a:b], arrays["lower"][a:b], arrays["upper"][a:b]) for a, b in itertools.pairwise(cuts)
+    ]
+    hard = Level(arrays["hard_A"], arrays["hard_lower"], arrays["hard_upper"], "limits") if "hard_A" in arrays else None
+    return Problem(levels, hard, metric=arrays.get("metric"))
 
 
 def _recipe(

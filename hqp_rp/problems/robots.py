@@ -2,8 +2,9 @@
 
     python -m hqp_rp.problems.robots --humanoid .../apptronik_apollo/apptronik_apollo.xml
 
-A robot library's last bit depends on the machine, so these numbers are kept and the problems are made from them. Loading
-the set, or remaking it, needs this file and no robot.
+Numbers that are there are published and stay as they are; what is new is added, and the largest difference told.
+`--replace` writes all anew, for a new major version. A robot library's last bit depends on the machine, so these numbers are
+kept and the problems are made from them. Loading the set, or remaking it, needs this file and no robot.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.paths import user_path
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.problems.recipe import Draw
 from hqp_rp.robot.arms import sawyer
 
@@ -115,6 +116,54 @@ def arms() -> Snapshot:
     return found
 
 
+def torque_problems() -> Iterator[tuple[str, Problem]]:
+    """(label, problem): one step of a Sawyer that is commanded by torques, moving, at three configurations.
+
+    x is the joint acceleration, rad/s^2, and, in contact, the force of the tool's contact over 100 N.
+    """
+    from hqp_rp.control.contact import Contact
+    from hqp_rp.control.joint_limit import JointLimit
+    from hqp_rp.control.orientation_task import OrientationTask
+    from hqp_rp.control.position_task import PositionTask
+    from hqp_rp.control.posture_task import PostureTask
+    from hqp_rp.control.torque_stack import TorqueStack
+    from hqp_rp.robot.mujoco_robot import MujocoRobot
+
+    robot = MujocoRobot.from_arm(sawyer())
+    for s in range(3):
+        draw = Draw(400 + s)
+        q, v = robot.neutral + draw.grid(7, 0.25), draw.grid(7, 0.5)
+        robot.update(q)
+        place = robot.pose("tool")[1]
+        position = PositionTask("tool", place + draw.grid(3, 0.125), gain=10.0)
+        orientation = OrientationTask("tool", np.eye(3), gain=10.0)
+        posture = PostureTask(robot.neutral, gain=5.0)
+        limit = JointLimit(acceleration=50.0)
+        contact = Contact("tool", friction=0.5, max_force=100.0, kd=20.0)
+        cases: dict[str, tuple[list[object], dict[str, object]]] = {
+            "free": ([position, orientation, posture], {"metric": "inertia", "torque": np.inf}),
+            "limits": ([position, orientation, posture], {"limits": [limit], "torque": 60.0}),
+            "contact": ([orientation, posture], {"contacts": [contact], "torque": 60.0}),
+        }
+        for label, (levels, settings) in cases.items():
+            stack = TorqueStack(levels, **settings)  # type: ignore[arg-type]
+            yield f"{label}_q{s}", stack.problem(robot, 0.002, v)
+
+
+def torque() -> Snapshot:
+    """The part of the snapshot that holds whole problems, as `hqp_rp.save_problem` names their arrays."""
+    found: Snapshot = {}
+    for label, problem in torque_problems():
+        arrays = {"matrix": problem.matrix, "lower": problem.lower, "upper": problem.upper}
+        arrays["offsets"] = problem.offsets.astype(np.float64)
+        if problem.hard is not None:
+            arrays |= {"hard_A": problem.hard.A, "hard_lower": problem.hard.lower, "hard_upper": problem.hard.upper}
+        if problem.metric is not None:
+            arrays["metric"] = problem.metric
+        found |= _keyed(f"torque/{label}", arrays)
+    return found
+
+
 def humanoid(path: pathlib.Path) -> Snapshot:
     """The part of the snapshot that comes from Apollo's model file: the neutral pose and three around it."""
     from hqp_rp.robot.mujoco_robot import MujocoRobot
@@ -139,17 +188,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command: remake `robots.npz`; without a humanoid's file its part is kept as it is."""
     parser = argparse.ArgumentParser(prog="python -m hqp_rp.problems.robots", description=__doc__)
     parser.add_argument("--humanoid", type=user_path, help="apptronik_apollo.xml, with its meshes beside it")
+    parser.add_argument("--replace", action="store_true", help="replace the numbers that are published too")
     given = parser.parse_args(arguments)
     old = load_snapshot() if SNAPSHOT.exists() else {}
     if given.humanoid is None:
         body = {name: array for name, array in old.items() if name.startswith("humanoid/")}
     else:
         body = humanoid(given.humanoid)
-    new = arms() | body
+    new = arms() | torque() | body
     both = set(old) & set(new)
     apart = max(
         (float(np.abs(old[name] - new[name]).max()) for name in both if old[name].shape == new[name].shape), default=0.0
     )
+    if not given.replace:
+        new = new | old
     np.savez_compressed(SNAPSHOT, **new)  # type: ignore[arg-type]
     print(f"{SNAPSHOT.name}: {len(new)} arrays, {len(both)} of them there before; largest difference {apart:.1e}")
 

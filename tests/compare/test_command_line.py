@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import hqp_rp.compare.comparison as comparison_module
+import hqp_rp.compare.comparison.comparison as comparison_module
 from hqp_rp import all_solvers
 from hqp_rp.compare.command_line import INTERRUPTED, MISUSE, main
 from hqp_rp.scenarios.scenario import all_scenarios

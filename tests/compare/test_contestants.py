@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import ClassVar
+
 import pytest
 
+import hqp_rp.core.solver as solver_module
 from hqp_rp import (
     ConstantDamping,
     HqpError,
@@ -17,17 +21,9 @@ from hqp_rp import (
     all_solvers,
     get_solver,
 )
-from hqp_rp.compare.contestants import (
-    DAMPED,
-    EXACT,
-    GROUPS,
-    SOFT,
-    Contestant,
-    choose_contestants,
-    default_contestants,
-    variants,
-)
+from hqp_rp.compare.contestants import Contestant, choose_contestants, default_contestants, variants
 from hqp_rp.compare.settings_text import parse_contestant
+from hqp_rp.core.variant import DAMPED, EXACT, GROUPS, SOFT, LineUp, Variant
 from tests.compare.small import Fixed
 
 
@@ -149,3 +145,45 @@ def test_one_label_for_two_solvers_is_an_error() -> None:
 def test_no_line_up(wrong: list[str]) -> None:
     with pytest.raises(HqpError):
         choose_contestants(wrong)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Declared(Fixed):
+    """Declares two variants, and is the same as others where there are no limits."""
+
+    name: ClassVar[str] = "declared"
+    variants: ClassVar[LineUp] = LineUp(
+        (Variant("second", {"x": (1.0,)}, SOFT, "b"), Variant("first", {}, EXACT, "a")), place=1, only_with="limits"
+    )
+
+
+class Heir(Declared):
+    """Declares nothing itself."""
+
+    name: ClassVar[str] = "heir"
+
+
+def test_a_solver_declares_its_variants_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solver_module, "_registry", lambda: {"heir": Heir, "declared": Declared, "fixed": Fixed})
+    labels = [contestant.label for contestant in default_contestants()]
+    assert set(labels) == {"first", "second", "heir", "fixed"}
+    assert labels.index("first") == 0  # by group, then by place
+    assert [contestant.label for contestant in variants("declared")] == ["second", "first"]
+    (second, _) = variants("declared")
+    assert (second.group, second.why, second.solver) == (SOFT, "b", Declared(x=(1.0,)))
+    assert {contestant.label for contestant in default_contestants(limits=False)} == {"heir", "fixed"}
+    assert len(default_contestants(torques=False, transitions=False)) == 4
+
+
+def test_two_solvers_of_one_label_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    twin = type("Twin", (Declared,), {"name": "twin", "variants": LineUp((Variant("first", {}, EXACT, ""),))})
+    monkeypatch.setattr(solver_module, "_registry", lambda: {"declared": Declared, "twin": twin})
+    with pytest.raises(SettingError, match="labelled 'first'"):
+        default_contestants()
+
+
+def test_variants_that_are_no_line_up_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = type("Wrong", (Fixed,), {"name": "wrong", "variants": ("first",)})
+    monkeypatch.setattr(solver_module, "_registry", lambda: {"wrong": wrong})
+    with pytest.raises(SettingError, match=r"Wrong.variants is \('first',\); declare a hqp_rp.core.variant.LineUp"):
+        variants("wrong")

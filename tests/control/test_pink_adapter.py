@@ -23,7 +23,7 @@ from pink.tasks import (
 )
 
 import hqp_rp
-from hqp_rp.compare.bench_remote import arm_urdf
+from hqp_rp.compare.bench.remote import arm_urdf
 from hqp_rp.control import JointLimit, PositionTask, Stack
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.robot import MujocoRobot, PinocchioRobot, sawyer

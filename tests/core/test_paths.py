@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hqp_rp import Level, Problem, load_problem, load_robot, problems, save_problem
-from hqp_rp.compare.bench import bench
+from hqp_rp.compare.bench.bench import bench
 from hqp_rp.compare.command_line import main
 from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.control.stack_file import load_stack

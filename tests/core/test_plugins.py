@@ -14,7 +14,7 @@ import pytest
 from hqp_rp import Level, Problem, SettingError, Solver, UnknownNameError, save_problem
 from hqp_rp.compare.contestants import choose_contestants
 from hqp_rp.compare.settings_text import parse_contestant
-from hqp_rp.compare.stress_worst import spelled
+from hqp_rp.compare.stress.worst import spelled
 from hqp_rp.core.plugins import plugins
 from hqp_rp.solvers.null_space import NullSpace
 

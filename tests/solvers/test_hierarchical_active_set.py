@@ -1,6 +1,6 @@
 """The hierarchical active set against exact truth and the certificate, on equalities, two-sided levels and hard rows."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, load_problem, solve, truth
-from hqp_rp.compare.bench_families import family
+from hqp_rp.compare.bench.families import family
 from tests import reference
-from tests.problems import EQUALITY_CASES, boxed, independent, near_singular, over_constrained, scaled, two_sided
+from tests.problems import (
+    EQUALITY_CASES,
+    boxed,
+    independent,
+    near_singular,
+    nearly_degenerate,
+    over_constrained,
+    scaled,
+    two_sided,
+)
 
 EPS = np.finfo(float).eps
 NAME = "hierarchical_active_set"
@@ -288,3 +297,19 @@ def test_a_row_that_comes_back_at_once_stays() -> None:
     assert solution.status is Status.SOLVED
     assert solution.iterations < 100
     assert certify(problem, solution.x).ok
+
+
+@pytest.mark.parametrize("by", [1e-2, -1e-4, 1e-6, 1e-10])
+@pytest.mark.parametrize("seeds", [range(300), (808, 1061, 1105, 3520)], ids=["many", "once wrong"])
+def test_levels_that_contradict_each_other_by_little_hold_no_row_by_rounding(by: float, seeds: Sequence[int]) -> None:
+    """The multiplier of a row that nothing presses against is rounding of the little that the level misses."""
+    solver = get_solver("hierarchical_active_set", warm_start=False)
+    solved = 0
+    for seed in seeds:
+        problem, free = nearly_degenerate(seed, by)
+        solution = solver.solve(problem, free)
+        if solution.status is Status.SOLVED:
+            verdict = certify(problem, solution.x, free)
+            assert verdict.ok, f"seed {seed}: {verdict.sentence}"
+            solved += 1
+    assert solved >= 0.5 * len(seeds)

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import polars as pl
 
-from hqp_rp.compare.chart import Chart, Dots, Grid, Line, Lines, Style, styles, thinned
 from hqp_rp.compare.claims import shown
 from hqp_rp.compare.claims.experiments import (
     BODE,
@@ -49,7 +48,8 @@ from hqp_rp.compare.claims.methods import (
     WITHIN_LIMITS,
 )
 from hqp_rp.compare.claims.trials import Trial
-from hqp_rp.compare.report import number
+from hqp_rp.compare.figures.chart import Chart, Dots, Grid, Line, Lines, Style, styles, thinned
+from hqp_rp.compare.report.words import number
 from hqp_rp.control._checks import TWIST_AXES
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios._interaction import DAMPED, DAMPING, INERTIA, PAPER, REGULAR, SINGULAR

@@ -54,7 +54,7 @@ from hqp_rp.compare.claims.methods import (
     WEIGHTED,
 )
 from hqp_rp.compare.claims.outcomes import Outcome, outcome
-from hqp_rp.compare.report import number, share
+from hqp_rp.compare.report.words import number, share
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios._interaction import DAMPED, PAPER, REGULAR, SINGULAR
 

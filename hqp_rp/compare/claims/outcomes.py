@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hqp_rp.compare.report import number, share
+from hqp_rp.compare.report.words import number, share
 from hqp_rp.core.problem import FloatArray
 
 MOST, HALF = 0.95, 0.5

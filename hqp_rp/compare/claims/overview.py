@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from hqp_rp.compare.chart import Chart, Grid, Lines, Picture, Style
 from hqp_rp.compare.claims.judges import FAILS
 from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict
+from hqp_rp.compare.figures.chart import Chart, Grid, Lines, Picture, Style
 
 _COLOURS = {HOLDS: "#0072B2", DEPENDS: "#E69F00", FAILS: "#D55E00", UNRULED: "#999999"}
 _THUMBNAILS = {

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from hqp_rp.compare.chart import Chart, Picture
 from hqp_rp.compare.claims.charts import Curves, chart_styles, evidence
 from hqp_rp.compare.claims.experiments import POSTURES, SEEDS, Places, find_places, trials
 from hqp_rp.compare.claims.judges import FAILS, Study
@@ -22,8 +21,11 @@ from hqp_rp.compare.claims.shown import curves, films, halved, shown
 from hqp_rp.compare.claims.sources import digest_of_sources
 from hqp_rp.compare.claims.trials import Trial, run_trials
 from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict, verdicts
+from hqp_rp.compare.figures.chart import Chart, Picture
 from hqp_rp.compare.machine import machine, usable_cores, versions
-from hqp_rp.compare.report import Opening, Report, Section, Table, number, share, write_report
+from hqp_rp.compare.report.report import Opening, Report, Section, Table
+from hqp_rp.compare.report.words import number, share
+from hqp_rp.compare.report.write import write_report
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.scenarios._interaction import Interaction
 
@@ -114,7 +116,7 @@ def study_claims(
 
 
 def _films(places: Places, folder: RunFolder) -> list[str]:
-    from hqp_rp.compare.film import film_all
+    from hqp_rp.compare.figures.film import film_all
 
     return film_all(films(places), folder.path / "films")
 

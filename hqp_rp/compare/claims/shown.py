@@ -21,9 +21,9 @@ from hqp_rp.compare.claims.methods import (
 )
 from hqp_rp.compare.claims.trials import Trial, row
 from hqp_rp.compare.contestants import Contestant
-from hqp_rp.compare.film import Shot
-from hqp_rp.compare.run import one_thread_each
+from hqp_rp.compare.figures.film import Shot
 from hqp_rp.compare.run_folder import RunFolder, digest
+from hqp_rp.compare.workers import one_thread_each
 from hqp_rp.scenarios._interaction import DAMPED, PAPER, Interaction, Place
 from hqp_rp.scenarios.sawyer_force_tracking import AS_PRINTED, SawyerForceTracking
 from hqp_rp.scenarios.sawyer_hybrid_wipe import SawyerHybridWipe

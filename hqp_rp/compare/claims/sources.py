@@ -31,7 +31,7 @@ def sources() -> list[pathlib.Path]:
         if path is None or str(path) in found:
             continue
         found[str(path)] = path
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(_counted(path.read_text())):
             if isinstance(node, ast.ImportFrom) and node.module:
                 waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
             elif isinstance(node, ast.Import):
@@ -47,11 +47,70 @@ def digest_of_sources() -> str:
 
 def code_of(path: pathlib.Path) -> str:
     """What a source says to the machine: of Python its syntax tree without strings that nobody uses; of C++ the text without
-    comments and line breaks."""
+    comments and line breaks.
+
+    Neither do these count: where in `compare`, outside the claims, a name is imported from (the name does); a class attribute
+    `variants`, since a line-up of solvers changes no solver; how an object is shown, `_repr_html_` and `plot`; an imported name
+    that nothing else in the file then uses.
+    """
     text = path.read_text()
     if path.suffix != ".py":
         return " ".join(_COMMENT.sub("", text).split())
-    return repr(_shape(ast.parse(text)))
+    return repr(_shape(_counted(text)))
+
+
+def _counted(text: str) -> ast.Module:
+    """The syntax tree of what counts, imports one name at a time."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef):
+            node.body = [item for item in node.body if not _declares(item, "variants") and not _shows(item)] or [
+                ast.Pass()
+            ]
+    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} | _exported(tree)
+    _Imports(used).visit(tree)
+    return tree
+
+
+class _Imports(ast.NodeTransformer):
+    """Each import split into its names, without those that are not used."""
+
+    def __init__(self, used: set[str]) -> None:
+        self.used = used
+
+    def visit_Import(self, node: ast.Import) -> list[ast.Import]:
+        return [ast.Import([alias]) for alias in node.names if self._is_used(alias)]
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> list[ast.ImportFrom]:
+        module = _WRITES if _is_written(node.module or "") else node.module
+        return [
+            ast.ImportFrom(module, [alias], node.level)
+            for alias in node.names
+            if node.module == "__future__" or self._is_used(alias)
+        ]
+
+    def _is_used(self, alias: ast.alias) -> bool:
+        return alias.name == "*" or (alias.asname or alias.name.partition(".")[0]) in self.used
+
+
+def _declares(node: ast.stmt, name: str) -> bool:
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return any(isinstance(target, ast.Name) and target.id == name for target in targets)
+
+
+def _shows(node: ast.stmt) -> bool:
+    return isinstance(node, ast.FunctionDef) and node.name in ("_repr_html_", "plot")
+
+
+def _exported(tree: ast.Module) -> set[str]:
+    """The names in `__all__`."""
+    values = [node for statement in tree.body if _declares(statement, "__all__") for node in ast.walk(statement)]
+    return {node.value for node in values if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+
+
+def _is_written(module: str) -> bool:
+    """Whether a module of `compare` draws and writes only, or is shared by what does."""
+    return f"{module}.".startswith(f"{_WRITES}.") and not f"{module}.".startswith(f"{_MEASURES}.")
 
 
 def _shape(node: Any) -> Any:
@@ -73,7 +132,7 @@ def _is_words(node: Any) -> bool:
 def _path(module: str) -> pathlib.Path | None:
     """The file of a module of this package; None for another's, and for what is no module."""
     parts = module.split(".")
-    if parts[0] != "hqp_rp" or (module.startswith(_WRITES) and not module.startswith(_MEASURES)):
+    if parts[0] != "hqp_rp" or _is_written(module):
         return None
     base = ROOT.joinpath(*parts[1:])
     for path in (base.with_suffix(".py"), base / "__init__.py"):

@@ -14,8 +14,8 @@ from hqp_rp.compare.claims.contact_figures import case_steps, contact_figures
 from hqp_rp.compare.claims.methods import Method
 from hqp_rp.compare.claims.response_figures import push_figures, tracking_figures
 from hqp_rp.compare.machine import usable_cores
-from hqp_rp.compare.run import one_thread_each, progress_bar
 from hqp_rp.compare.run_folder import RunFolder, digest
+from hqp_rp.compare.workers import one_thread_each, progress_bar
 from hqp_rp.scenarios._interaction import Interaction, Place
 from hqp_rp.scenarios.sawyer_force_tracking import SawyerForceTracking
 from hqp_rp.scenarios.sawyer_push_response import SawyerPushResponse

@@ -39,7 +39,7 @@ from hqp_rp.compare.claims.judges import (
     Study,
 )
 from hqp_rp.compare.claims.outcomes import Outcome, summary
-from hqp_rp.compare.report import share
+from hqp_rp.compare.report.words import share
 
 HOLDS, DEPENDS, UNRULED = "holds", "depends", "not ruled on"
 

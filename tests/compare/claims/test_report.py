@@ -10,7 +10,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from hqp_rp.compare.chart import Dots, Grid, Lines, Picture
 from hqp_rp.compare.claims import report as module
 from hqp_rp.compare.claims.charts import EQUAL, merged
 from hqp_rp.compare.claims.experiments import Places, trials
@@ -20,7 +19,9 @@ from hqp_rp.compare.claims.shown import films, halved, shown
 from hqp_rp.compare.claims.sources import digest_of_sources
 from hqp_rp.compare.claims.trials import Trial, row
 from hqp_rp.compare.claims.verdicts import verdicts
-from hqp_rp.compare.report import Report, write_report
+from hqp_rp.compare.figures.chart import Dots, Grid, Lines, Picture
+from hqp_rp.compare.report.report import Report
+from hqp_rp.compare.report.write import write_report
 from hqp_rp.core.problem import FloatArray
 from tests.compare.claims.study import made_up, places
 

@@ -693,10 +693,15 @@ class ActiveSetSearch {
   Settled settle(int r0, int r1, int nW, double residual, double size) {
     int count = 0;
     if (residual > 0.0) {
+      // The residuals that the multipliers balance are known to the rounding of the rows' values.
+      double pull = 0.0;
+      for (int i = r0; i < r1; ++i)
+        if (rows_.working[i]) pull = std::max(pull, rows_.norm[i] * rows_.norm[i]);
+      const double floor = std::max(tolerance::multiplier_rounding * residual, tolerance::row_rounding * pull * size);
       int still = 0;
       for (int i = 0; i < nW; ++i) {
         const int row = held_[i];
-        if (multiplier_[i] * rows_.side[row] > tolerance::multiplier_rounding * residual) {
+        if (multiplier_[i] * rows_.side[row] > floor) {
           rows_.state[row] = Rows::fixed;
           counted_[count++] = row;
         } else {

@@ -1,0 +1,56 @@
+"""What is said first of scenarios with limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hqp_rp.compare.limits.cases import LimitCase
+from hqp_rp.compare.report.opening import advised
+from hqp_rp.compare.report.words import listing, number
+
+
+def limits_advice(limits: Sequence[LimitCase]) -> list[tuple[str, str]]:
+    """(need, which solver), of cases that measure violations of limits."""
+    told = [case for case in limits if case.told and case.answered]
+    took: dict[str, list[bool]] = {}
+    open_room: dict[str, bool] = {}
+    for case in told:
+        for own in case.answered:
+            took.setdefault(own.label, []).append(own.kept)
+            open_room[own.label] = open_room.get(own.label, False) or own.wasteful
+    kept = [label for label, held in took.items() if all(held) and len(held) == len(told)]
+    full = [label for label in kept if not open_room[label]]
+    advice = [("Limits kept at every step, and no level served less than they allow", advised(full))]
+    if len(kept) > len(full):
+        advice.append(("Limits kept, some level left short", listing([label for label in kept if label not in full])))
+    broke = [label for label, held in took.items() if not all(held)]
+    if broke:
+        advice.append(("Broke a limit that was in the problem", listing(broke)))
+    return advice
+
+
+def limits_numbers(limits: Sequence[LimitCase]) -> list[tuple[str, str]]:
+    """(number, what it is): the largest violation, and the peaks of a step's change."""
+    found = []
+    worst = max(
+        (
+            (v.largest, v.unit, v.kind, o.label)
+            for case in limits
+            if case.told
+            for o in case.answered
+            for v in o.violations
+        ),
+        default=None,
+    )
+    if worst is not None and worst[0] > 0.0:
+        found.append(
+            (f"{number(worst[0])} {worst[1]}", f"the most by which a limit ({worst[2]}) was passed, by {worst[3]}")
+        )
+    changes = [(o.changes[2], o.label) for case in limits for o in case.answered if o.changes is not None]
+    if changes:
+        for pick, words in ((max, "largest"), (min, "smallest")):
+            value, label = pick(changes)
+            found.append(
+                (f"{number(value)} rad/s", f"the {words} peak of a step's change of joint velocities, by {label}")
+            )
+    return found

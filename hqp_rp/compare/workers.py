@@ -1,0 +1,71 @@
+"""Worker processes: one thread each, solvers loaded before anything is timed, and a progress bar over all of them."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from hqp_rp.core.problem import Level, Problem
+from hqp_rp.core.solver import Solver
+
+
+def warm_up(solvers: Iterable[Solver]) -> None:
+    """Load what each solver needs, so that no loading is taken for solve time."""
+    rng = np.random.default_rng(0)
+    levels = [Level.equality(rng.standard_normal((2, 7)), rng.standard_normal(2)) for _ in range(3)]
+    problems = [Problem(levels[:2]), Problem(levels)]
+    for solver in solvers:
+        fresh = dataclasses.replace(solver)
+        for problem in problems:
+            fresh.solve(problem)
+            fresh.solve(problem, np.zeros(7))
+
+
+@contextlib.contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Libraries that read their thread count when a worker imports them, polars among them, get one thread."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextlib.contextmanager
+def progress_bar(show: bool, total: int, done: int, unit: str = "steps") -> Iterator[Callable[[int, str], None]]:
+    """A progress bar with the time left on standard error; what it yields takes how many units are done, and a word."""
+    if not show:
+        yield lambda steps, what: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn(unit),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=total, completed=done)
+        yield lambda steps, what: bar.update(task, advance=steps, description=what)
