@@ -14,7 +14,7 @@ PYTEST_ARGS ?=
 .DELETE_ON_ERROR:
 SHELL := /bin/sh
 
-.PHONY: help setup report quick test coverage core sanitize fuzz check format lint imports types api-types clean distclean
+.PHONY: help setup report quick test coverage docs links core sanitize fuzz check format lint imports types api-types clean distclean
 
 help:
 	@echo "make report   compare every solver on every scenario and write $(REPORT)/ (sets up $(VENV) when it is missing)"
@@ -22,6 +22,7 @@ help:
 	@echo "make test     run the tests (sets up $(VENV) when it is missing)"
 	@echo "make check    formatting, linters, type checks and the direction of imports"
 	@echo "make coverage which lines the tests reach"
+	@echo "make docs     these pages as a site, in build/docs; make links also visits every address outside"
 	@echo "make core     the native core by itself: build, install for C++, build and run the example"
 	@echo "make sanitize the solvers' tests with the native core under address and undefined-behaviour sanitizers"
 	@echo "make fuzz     random and nasty problems against every solver's verdict, for a long time"
@@ -51,6 +52,15 @@ coverage: setup
 	$(BIN)/coverage run -m pytest $(PYTEST_ARGS)
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
+
+# The site, offline: its code blocks run in the tests, its reference comes from the docstrings, and a warning is an error.
+SPHINX = $(BIN)/python -m sphinx -q -W --keep-going -j auto -d build/doctrees
+docs: setup
+	$(SPHINX) -b html docs build/docs
+	@echo "The pages are $(CURDIR)/build/docs/index.html"
+
+links: setup
+	$(SPHINX) -b linkcheck docs build/links
 
 # The native core by itself: built, installed for C++, and an example built against that and run.
 CORE := build/core
@@ -111,7 +121,7 @@ COMPILER = if [ -n "$$CXX" ] || command -v c++ >/dev/null 2>&1 || command -v g++
 # that is out of date is brought up to date; one that does not run, was moved here or is of another Python than the one
 # that PYTHON asks for is made anew.
 COMPLETE = $(BIN)/python -c 'import hqp_rp, pytest' >/dev/null 2>&1
-PIP_INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt --config-settings editable_mode=compat -e ".[all,dev]"
+PIP_INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt --config-settings editable_mode=compat -e ".[all,dev,docs]"
 ASK = $(MAKE) --no-print-directory -s
 
 setup:
