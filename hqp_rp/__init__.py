@@ -219,6 +219,8 @@ _LAZY = {
 
 # The package that a name needs, asked for in the name that the user wrote.
 _NEEDS = {
+    "Distance": ("hqp_rp.distance", "flint"),
+    "distance": ("hqp_rp.distance", "flint"),
     "Truth": ("hqp_rp.truth", "flint"),
     "truth": ("hqp_rp.truth", "flint"),
     "load_robot": ("hqp_rp.load_robot", "mujoco"),

@@ -180,7 +180,7 @@ class Stack:
         if dt is None:
             if self._needs_dt:
                 raise SettingError(
-                    "this stack holds limits or tasks of mink or pink, which need the time step: problem(robot, dt)."
+                    "this stack holds limits, or tasks of mink or pink; they need the time step: problem(robot, dt)."
                 )
         elif type(dt) is not float or dt != self._dt:
             dt = self._checked_dt(dt)

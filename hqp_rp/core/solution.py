@@ -62,7 +62,7 @@ class Solution(_native.Solution):
         super().__init__(problem, x, status, iterations, message, secondary)
 
     def require(self, *, inaccurate: bool = False) -> FloatArray:
-        """x (n,), or `NoSolutionError` with the status in words where the solve did not end in `SOLVED`.
+        """x (n,), or `NoSolutionError` with the status in words, and the `conflict`, where the solve did not end in `SOLVED`.
 
         inaccurate: whether an answer of status INACCURATE is taken too.
         """
@@ -70,7 +70,8 @@ class Solution(_native.Solution):
         if x is None or not (self.status.ok or (inaccurate and self.status is Status.INACCURATE)):
             from hqp_rp.core.errors import NoSolutionError
 
-            raise NoSolutionError(f"{self.status.value} {self.message}".rstrip())
+            told = [self.status.value, self.message] + ([str(self.conflict)] if self.conflict is not None else [])
+            raise NoSolutionError(" ".join(part for part in told if part))
         return x
 
     @property

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError, unknown_name
+from hqp_rp.core.extras import require
 from hqp_rp.core.paths import user_path
 from hqp_rp.robot.coupling import Coupling
 from hqp_rp.robot.mesh_files import Meshes
@@ -52,6 +53,7 @@ def load_robot(
     if library == "mujoco":
         from hqp_rp.robot.mujoco_robot import MujocoRobot as Adapter
     else:
+        require('load_robot(..., library="pinocchio")', "pinocchio")
         from hqp_rp.robot.pinocchio_robot import PinocchioRobot as Adapter  # type: ignore[assignment]
     return Adapter.from_file(
         path,

@@ -182,7 +182,7 @@ def test_bad_time_steps(robot, dt):
 
 
 def test_a_missing_time_step(robot):
-    with pytest.raises(SettingError, match=r"limits or tasks of mink or pink, which need the time step"):
+    with pytest.raises(SettingError, match=r"limits, or tasks of mink or pink; they need the time step"):
         Stack([PositionTask("tool", np.zeros(3))], limits=[VelocityLimit()]).problem(robot)
 
 

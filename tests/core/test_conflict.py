@@ -209,6 +209,8 @@ def test_require() -> None:
     hard = Level([[1.0], [1.0]], [1.0, -np.inf], [np.inf, 0.0])
     with pytest.raises(NoSolutionError, match=r"The hard rows contradict each other.*Hard rows 0, 1"):
         solve(Problem(FREE, hard=hard), "hierarchical_active_set").require()
+    with pytest.raises(NoSolutionError, match=r"hard row 1 upper; hard row 0 lower: they miss each other by 0.5"):
+        solve(Problem(FREE, hard=hard), "hierarchical_active_set").require()
     solution.status = Status.INACCURATE
     with pytest.raises(NoSolutionError, match="could not confirm"):
         solution.require()

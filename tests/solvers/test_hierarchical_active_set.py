@@ -313,3 +313,18 @@ def test_levels_that_contradict_each_other_by_little_hold_no_row_by_rounding(by:
             assert verdict.ok, f"seed {seed}: {verdict.sentence}"
             solved += 1
     assert solved >= 0.5 * len(seeds)
+
+
+@pytest.mark.parametrize("target", [1e6, 1e8, 1e10, 1e12])
+def test_a_target_far_beyond_reach_explains_no_violation_of_another_row(target: float) -> None:
+    limits = Level([[1.0, 0.0], [1.0, 0.0]], -np.inf, [1.00005, 1.0])
+    solution = solve(Problem([Level([[1.0, 0.0]], target, np.inf)], limits), NAME)
+    assert solution.status is Status.SOLVED
+    assert solution.x[0] == pytest.approx(1.0, abs=1e-12)
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        wanted = [Level.equality(rng.normal(size=(3, 5)), size * rng.normal(size=3)) for size in (target, 1.0)]
+        box = Level(np.vstack([np.eye(5), rng.normal(size=(3, 5))]), -1.0, 1.0)
+        solution = solve(Problem(wanted, box), NAME)
+        if solution.status is Status.SOLVED:
+            assert np.abs(box.A @ solution.x).max() <= 1.0 + 1e-9

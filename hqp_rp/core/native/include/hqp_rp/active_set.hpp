@@ -112,8 +112,9 @@ class ActiveSetSearch {
       point_[j] = j < n_ ? x[j] : 0.0;
       goal_[j] = j < n_ && z ? z[j] : 0.0;
     }
-    const Outcome outcome = search_levels(go_on);
+    Outcome outcome = search_levels(go_on);
     for (int j = 0; j < n_; ++j) x[j] = point_[j];
+    if (outcome == Outcome::solved && !keeps_hard_rows(x)) outcome = Outcome::inaccurate;
     const bool infeasible = outcome == Outcome::infeasible;
     for (int i = 0; i < p.hard_rows; ++i) side[i] = infeasible ? rows_.conflict[i] : rows_.side[i];
     for (int k = 0, level = 1; k < p.levels; ++k, ++level) {
@@ -138,6 +139,22 @@ class ActiveSetSearch {
     int levels = problem.levels + 1;
     for (int k = 0; k < problem.levels; ++k) levels += damped.of(k) > 0;
     return levels;
+  }
+  // Whether x keeps every hard row as it was given, whatever rounding the search allowed for on its way.
+  bool keeps_hard_rows(const double* x) const {
+    double size = 0.0;
+    for (int j = 0; j < n_; ++j) size += x[j] * x[j];
+    size = std::sqrt(size);
+    for (int i = 0; i < problem_.hard_rows; ++i) {
+      const double* a = problem_.hard_matrix + static_cast<std::ptrdiff_t>(i) * n_;
+      double value = 0.0, square = 0.0;
+      for (int j = 0; j < n_; ++j) value += a[j] * x[j], square += a[j] * a[j];
+      const double low = problem_.hard_lower[i], up = problem_.hard_upper[i];
+      const double over = std::max(value - up, low - value);
+      const double b = value > up ? up : low;
+      if (over > 0.0 && over > tolerance::hard_kept * (std::sqrt(square) * size + std::fabs(b))) return false;
+    }
+    return true;
   }
   // The rows of level k with its damping rows below them, in one scale.
   bool load_damped(int k, int level, const int* guesses) {
@@ -516,12 +533,13 @@ class ActiveSetSearch {
     int nW;
     int rows;  // that entered or wanted to
   };
-  // Every row that the step's end violates enters.
-  Crossed enter_crossed(int end, int r0, int nW, int most, double size, double span) {
+  // Every row that the step's end violates enters; `size` is that of the level's own rows, `now` the length of x there. What the level
+  // seeks, which may be far beyond x, explains no violation of the others.
+  Crossed enter_crossed(int end, int r0, int nW, int most, double size, double now, double span) {
     int crossed = 0;
     for (int i = 0; i < end; ++i) {
       const bool own = i >= r0;
-      if (rows_.working[i] || !rows_.takes_part(i, r0) || !rows_.beyond(i, size)) continue;
+      if (rows_.working[i] || !rows_.takes_part(i, r0) || !rows_.beyond(i, own ? size : now + span)) continue;
       if (!own && std::fabs(rows_.change[i]) <= 2.0 * depends_ * rows_.norm[i] * span) continue;  // it depends on held rows
       ++crossed;
       if (!own && nW >= most) continue;
@@ -570,7 +588,7 @@ class ActiveSetSearch {
       bool missed = false;
       for (int i = 0; i < nB && !missed; ++i) missed = rows_.residual(counted_[i], size) != 0.0;
       Crossed crossed{nW, 0};
-      if (!missed && outside) crossed = enter_crossed(r1, r0, nW, n_ - c0, size, span);
+      if (!missed && outside) crossed = enter_crossed(r1, r0, nW, n_ - c0, size, now, span);
       nW = crossed.nW;
       if (!missed && crossed.rows == 0) {
         const bool sound = move_to_next(now);
@@ -641,7 +659,7 @@ class ActiveSetSearch {
             }
         // `multiplier` stays in the order of the factorization: only where nothing left is it read again.
         int count = left ? rows_.compress(held_, before) : before;
-        const Crossed crossed = enter_crossed(end, r0, count, most, size, span);
+        const Crossed crossed = enter_crossed(end, r0, count, most, size, now, span);
         nW = crossed.nW;
         if (crossed.rows == 0) {
           if (moves && !move_to_next(now)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};

@@ -32,6 +32,9 @@ constexpr double row_rounding = 64.0 * eps;
 // A row of a damped level that misses its bound by more than this part of ||a_i|| ||x|| + |bound| keeps the value it has.
 constexpr double reached = 1e-12;
 
+// An answer that passes a hard row by more than this part of ||a_i|| ||x|| + |bound| is not called solved.
+constexpr double hard_kept = 1e-10;
+
 // A step shorter than this part of ||x|| is rounding error.
 constexpr double step_rounding = 4.0 * eps;
 
