@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.figures.chart import Picture
 from hqp_rp.compare.statistics.arms import arm_named
-from hqp_rp.compare.statistics.trials import FACTOR
+from hqp_rp.compare.statistics.settings import FACTOR
 from hqp_rp.compare.statistics.verdicts import (
     BOUNDED,
     KEPT_FIRST,
@@ -56,7 +56,9 @@ def picture(found: Sequence[Result], contestants: Sequence[Contestant]) -> Pictu
         for k, arm in enumerate(arms)
     ]
     grounds = [Rectangle((0, 0), 1, 1, color=_GROUND[word], label=f"{_words(word)}") for word in (YES, PARTLY, NO)]
-    star = Line2D([], [], marker="$*$", linestyle="", color="black", label="hangs on a threshold or on the draw")
+    star = Line2D(
+        [], [], marker="$*$", linestyle="", color="black", label="hangs on a number that was chosen, or on the draw"
+    )
     figure.legend(handles=[*marks, *grounds, star], loc="lower center", ncols=4, fontsize=8.5, frameon=False)
     figure.subplots_adjust(left=0.165, right=0.985, top=1.0 - _HEAD / height, bottom=_FOOT / height, wspace=0.06)
     buffer = io.BytesIO()
@@ -65,8 +67,8 @@ def picture(found: Sequence[Result], contestants: Sequence[Contestant]) -> Pictu
         NAME,
         "Which method keeps level 1, which keeps level 2, which stays bounded",
         "A mark is the median over all paths of an arm, its line the range from 5 to 95 %. The dotted line is the threshold of "
-        "the verdict, the ground its answer, the worst of the arms'. A star says that an answer changes when a threshold is "
-        f"moved by a factor of {FACTOR:g}, or with the singular configurations that were drawn.",
+        "the verdict, the ground its answer, the worst of the arms'. A star says that an answer changes when a threshold or "
+        f"the method's own setting is moved by a factor of {FACTOR:g}, or with the singular configurations that were drawn.",
         buffer.getvalue(),
     )
 
@@ -118,8 +120,4 @@ def _column(
 
 
 def _words(word: str) -> str:
-    return {
-        YES: "yes, on 95 % of the paths of every arm",
-        PARTLY: "on some of the paths",
-        NO: "no, on 95 % of the paths",
-    }[word]
+    return {YES: "yes, on every arm", PARTLY: "on some of an arm's paths", NO: "no, on an arm"}[word]

@@ -12,12 +12,15 @@ from hqp_rp.compare.statistics.arms import arm_named
 from hqp_rp.compare.statistics.passages import FARTHEST, NEAREST
 from hqp_rp.compare.statistics.picture import NAME, picture
 from hqp_rp.compare.statistics.record import Statistics
-from hqp_rp.compare.statistics.trials import FACTOR, FAR
+from hqp_rp.compare.statistics.settings import FACTOR, FACTORS, setting_of
+from hqp_rp.compare.statistics.trials import FAR
 from hqp_rp.compare.statistics.verdicts import (
     BOUNDED,
     COVERAGE,
     KEPT_FIRST,
     KEPT_SECOND,
+    NO,
+    PARTLY,
     QUESTIONS,
     QUORUM,
     RESAMPLES,
@@ -28,6 +31,8 @@ from hqp_rp.compare.statistics.verdicts import (
 from hqp_rp.core.variant import GROUPS
 
 _NOBODY = "no solver here"
+_IN_TURN = sorted(FACTORS, key=lambda factor: factor != 1.0)
+_AT = {1.0: "", FACTORS[0]: " (setting / 3)", FACTORS[2]: " (setting x 3)"}
 _SHOWN = 6
 _HEADERS = {
     "error_1": "level 1, largest error",
@@ -45,8 +50,9 @@ def statistics_report(study: Statistics) -> Report:
     chart = picture(study.results, study.contestants)
     sections = (
         Section("What was asked", _design(study), charts=(chart,)),
-        Section("Verdicts", _meaning(), tables=(_verdict_table(study),)),
-        Section("What hangs on a threshold or on the draw", _fragile(study), listed=True),
+        Section("Verdicts", _meaning(study), tables=(_verdict_table(study),)),
+        Section("At other settings", (_OTHER_SETTINGS,), tables=(_settings_table(study),)),
+        Section("What hangs on a number that was chosen, or on the draw", _fragile(study), listed=True),
         Section("Figures", tables=tuple(_figures(study, arm) for arm in study.arms)),
         Section("What this cannot tell", _CANNOT_TELL, listed=True),
         Section("Made with", tables=(_made_with(),)),
@@ -65,8 +71,15 @@ _CANNOT_TELL = (
     "makes of its own answers is in the crossing scenarios of the comparison.",
     "What is asked for has one direction for a whole path, drawn at random: no target is reached, and none lies out of reach.",
     "Singularities of the second level alone, of codimension one or two; nothing is said of those of the first.",
-    "Where a method has a setting, it has the one of the comparison's line-up; other settings move its marks.",
+    "A method has the setting of the comparison's line-up, and three times less and more; nothing was tuned beyond that.",
+    "A path may leave the arm's joint limits: what is judged is the answer at a configuration, not whether the arm gets there.",
     "Times are of single calls from Python while other processes run: their order, not their size, carries over.",
+)
+
+
+_OTHER_SETTINGS = (
+    "Each method's own setting, its damping or the number that bounds its steps, three times smaller, as it is, and three "
+    "times larger: the answers to the three questions, the worst of the arms'."
 )
 
 
@@ -74,27 +87,27 @@ def _of(study: Statistics, label: str) -> list[Result]:
     return [result for result in study.results if result.contestant == label]
 
 
-def _with(study: Statistics, questions: Sequence[str]) -> list[str]:
-    """Contestants for which the answer to all of the questions is yes, on every arm."""
-    return [
-        contestant.label
-        for contestant in study.contestants
-        if all(result.verdicts[q].word == YES for result in _of(study, contestant.label) for q in questions)
-    ]
+def _kept_by(study: Statistics, label: str, factor: float) -> set[str]:
+    """The questions whose answer is yes on every arm, with the contestant's setting times `factor`."""
+    return {q for q in QUESTIONS if all(result.word(q, factor) == YES for result in _of(study, label))}
 
 
 def _advice(study: Statistics) -> tuple[tuple[str, str], ...]:
+    """For each need who serves it, each method at the best of its settings."""
     first, second, bounded = QUESTIONS
-    everything = _with(study, QUESTIONS)
-    kept = [label for label in _with(study, (first, bounded)) if label not in everything]
-    exact = [label for label in _with(study, (first, second)) if label not in everything]
-    rows = (
-        ("Level 1 always, level 2 far from singularities, and bounded", everything),
-        ("Level 1 always and bounded, at the price of level 2", kept),
-        ("Levels 1 and 2 exactly, at any joint velocity", exact),
-        ("Bounded, at the price of level 1", [x for x in _with(study, (bounded,)) if x not in everything + kept]),
+    needs = (
+        ("Level 1 always, level 2 far from singularities, and bounded", {first, second, bounded}),
+        ("Level 1 always and bounded, at the price of level 2", {first, bounded}),
+        ("Levels 1 and 2 exactly, at any joint velocity", {first, second}),
+        ("Bounded, at the price of level 1", {bounded}),
     )
-    return tuple((need, _names(labels)) for need, labels in rows)
+    served: dict[str, list[str]] = {need: [] for need, _ in needs}
+    for contestant in study.contestants:
+        kept = {factor: _kept_by(study, contestant.label, factor) for factor in _IN_TURN}
+        found = next(((need, f) for need, asked in needs for f in _IN_TURN if asked <= kept[f]), None)
+        if found is not None:
+            served[found[0]].append(contestant.label + _AT[found[1]])
+    return tuple((need, _names(labels)) for need, labels in served.items())
 
 
 def _names(labels: Sequence[str]) -> str:
@@ -111,7 +124,7 @@ def _numbers(study: Statistics) -> tuple[tuple[str, str], ...]:
     return (
         (f"{paths}", f"paths, {study.design.samples} samples each, on {counted(len(study.arms), 'arm')}"),
         (f"{len(study.contestants)}", "solvers and settings"),
-        (f"{fragile} of {verdicts}", "verdicts that hang on a threshold or on the draw, and are marked"),
+        (f"{fragile} of {verdicts}", "verdicts that hang on a number that was chosen or on the draw, and are marked"),
     )
 
 
@@ -128,7 +141,7 @@ def _design(study: Statistics) -> tuple[str, ...]:
     )
 
 
-def _meaning() -> tuple[str, ...]:
+def _meaning(study: Statistics) -> tuple[str, ...]:
     first, second, third = (question.capitalize() for question in QUESTIONS)
     return (
         f"The answer is yes where it holds on at least {share(QUORUM)} of an arm's paths, no on at most "
@@ -137,8 +150,11 @@ def _meaning() -> tuple[str, ...]:
         f"{second}: it misses no more than {KEPT_SECOND:g} of it far from the singularity, that is where the distance is at "
         f"least {FAR:g} of the largest on the path; near it no bounded method can.",
         f"{third}: ||x|| never exceeds {BOUNDED:g} times the largest optimum far from the singularity.",
-        f"A star: the answer is another one when a threshold is moved by a factor of {FACTOR:g}, or in more than "
-        f"{share(1 - COVERAGE)} of {RESAMPLES} random draws of the configurations.",
+        f"A star: the answer is another one when a threshold or the method's own setting is moved by a factor of {FACTOR:g}, "
+        f"or in more than {share(1 - COVERAGE)} of {RESAMPLES} random draws of the configurations.",
+        "What was not drawn nobody sees: that something holds at all of "
+        f"{study.design.configurations} configurations of an arm says, with {share(COVERAGE)} confidence, that it holds at "
+        f"{share((1 - COVERAGE) ** (1 / study.design.configurations))} of such configurations at least.",
     )
 
 
@@ -152,6 +168,22 @@ def _verdict_table(study: Statistics) -> Table:
             ]
             rows.append((contestant.label, arm_named(result.arm).title, *cells))
     return Table("Verdicts", ("solver", "arm", *QUESTIONS), tuple(rows), text=frozenset(range(5)))
+
+
+def _settings_table(study: Statistics) -> Table:
+    order = (YES, PARTLY, NO)
+    rows = []
+    for contestant in study.contestants:
+        found = _of(study, contestant.label)
+        if not found or not found[0].elsewhere:
+            continue
+        cells = [
+            " / ".join(max((result.word(q, factor) for result in found), key=order.index) for q in QUESTIONS)
+            for factor in FACTORS
+        ]
+        rows.append((contestant.label, setting_of(contestant.solver), *cells))
+    header = ("solver", "setting", "a third of it", "as it is", "three times it")
+    return Table(" / ".join(QUESTIONS), header, tuple(rows), text=frozenset(range(5)))
 
 
 def _fragile(study: Statistics) -> tuple[str, ...]:

@@ -60,6 +60,8 @@ def statistics(
     if isinstance(arms, str) or (arms is not None and not arms):
         raise SettingError(f"arms is {arms!r}; give a list of names, or None for all of them.")
     names = tuple(arm_named(name).name for name in (arms if arms is not None else [arm.name for arm in ARMS]))
+    if len(set(names)) < len(names):
+        raise SettingError(f"arms is {list(names)!r}; give each arm once.")
     if solvers is None:
         contestants = default_contestants(limits=False, torques=False, transitions=False)
     else:

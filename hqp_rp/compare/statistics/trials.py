@@ -10,15 +10,15 @@ import polars as pl
 
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.statistics.passages import Design, Passage, passages, places
+from hqp_rp.compare.statistics.settings import FACTOR, variants_of
 from hqp_rp.compare.workers import warm_up
 from hqp_rp.core.batch import solve_batch
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Status
+from hqp_rp.core.solver import Solver
 
 FAR = 0.3
 """Samples whose `Passage.sigma` is at least this share of the largest of their path are far from the singularity."""
-FACTOR = 3.0
-"""Every threshold is also moved up and down by this factor."""
 FARS = {"": FAR, "_nearer": FAR / FACTOR, "_farther": FAR * FACTOR}
 """What is added to the name of a column -> the threshold of what counts as far."""
 
@@ -40,14 +40,16 @@ class Unit:
 def run_unit(unit: Unit) -> pl.DataFrame:
     """The rows of one unit.
 
-    Columns: arm, place, path, contestant; nearest (the smallest sigma met); answered (share of samples with an x);
-    error_1 (largest ||A_1 x - b_1|| / ||b_1|| of the path), error_2 (the same of level 2), error_2_far and error_3_far (far
-    from the singularity, of level 3 what exceeds the optimum's), growth (largest ||x|| over the largest ||x*|| far
-    from it), jump (rad/s, largest ||x_i - x_(i-1)|| of neighbouring samples), time (s, median of single calls). Those with
-    _far and growth stand once for each of `FARS`. A sample without an x counts as x = 0.
+    Columns: arm, place, path, contestant; setting (of `settings.FACTORS`, 1 as the contestant is); nearest (the smallest
+    sigma met); answered (share of samples with an x); error_1 (largest ||A_1 x - b_1|| / ||b_1|| of the path), error_2 (the
+    same of level 2), error_2_far and error_3_far (far from the singularity, of level 3 what exceeds the optimum's), growth
+    (largest ||x|| over the largest ||x*|| far from it), jump (rad/s, largest ||x_i - x_(i-1)|| of neighbouring samples), time
+    (s, median of single calls). Those with _far and growth stand once for each of `FARS`. Where a sample has no x, every
+    error of the path is infinite and so is its growth: no answer is no answer.
     """
     place = places(unit.arm, unit.design.configurations, unit.design.seed)[unit.index]
-    warm_up([contestant.solver for contestant in unit.contestants])
+    entrants = [(item, factor, solver) for item in unit.contestants for factor, solver in variants_of(item)]
+    warm_up([solver for _, _, solver in entrants])
     rows = []
     for path, passage in enumerate(passages(unit.design, unit.arm, place, unit.index)):
         problems = [
@@ -55,19 +57,21 @@ def run_unit(unit: Unit) -> pl.DataFrame:
             for A, b in zip(passage.A, passage.b, strict=True)
         ]
         optimum = solve_batch(passage.A, passage.b, None, passage.offsets, solver="null_space", threads=1).x
-        for contestant in unit.contestants:
-            x, answered, seconds = _answers(contestant, problems)
+        for contestant, factor, solver in entrants:
+            x, answered, seconds = _answers(solver, problems)
             rows.append(
-                {"arm": unit.arm, "place": unit.index, "path": path, "contestant": contestant.label}
+                {"arm": unit.arm, "place": unit.index, "path": path, "contestant": contestant.label, "setting": factor}
                 | {"nearest": float(passage.sigma.min()), "answered": float(answered.mean())}
-                | measures(passage, x, optimum)
+                | measures(passage, x, optimum, answered)
                 | {"time": float(np.median(seconds))}
             )
     return pl.DataFrame(rows)
 
 
-def measures(passage: Passage, x: FloatArray, optimum: FloatArray) -> dict[str, float]:
-    """What one path of answers x (N, n) is worth; see `run_unit`."""
+def measures(
+    passage: Passage, x: FloatArray, optimum: FloatArray, answered: FloatArray | None = None
+) -> dict[str, float]:
+    """What one path of answers x (N, n) is worth; see `run_unit`. answered: (N,), None for all."""
     errors, least = level_errors(passage, x), level_errors(passage, optimum)
     found = {"error_1": float(errors[0].max()), "error_2": float(errors[1].max())}
     for name, threshold in FARS.items():
@@ -77,7 +81,7 @@ def measures(passage: Passage, x: FloatArray, optimum: FloatArray) -> dict[str, 
         found[f"error_3_far{name}"] = float(np.maximum(errors[2] - least[2], 0.0)[far].max())
         found[f"growth{name}"] = float(np.linalg.norm(x, axis=1).max() / needed)
     found["jump"] = float(np.linalg.norm(np.diff(x, axis=0), axis=1).max())
-    return found
+    return found if answered is None or answered.all() else dict.fromkeys(found, np.inf)
 
 
 def level_errors(passage: Passage, x: FloatArray) -> list[FloatArray]:
@@ -87,9 +91,9 @@ def level_errors(passage: Passage, x: FloatArray) -> list[FloatArray]:
     return [np.linalg.norm(missed[:, part], axis=1) / np.linalg.norm(passage.b[:, part], axis=1) for part in parts]
 
 
-def _answers(contestant: Contestant, problems: list[Problem]) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _answers(given: Solver, problems: list[Problem]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """x (N, n), 0 where there is none; whether there was one (N,); seconds (N,)."""
-    solver = dataclasses.replace(contestant.solver)  # nothing of another path
+    solver = dataclasses.replace(given)  # nothing of another path
     x = np.zeros((len(problems), problems[0].n))
     answered, seconds = np.zeros(len(problems)), np.empty(len(problems))
     for i, problem in enumerate(problems):

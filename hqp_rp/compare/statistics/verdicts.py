@@ -9,7 +9,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hqp_rp.compare.statistics.trials import FACTOR, FARS
+from hqp_rp.compare.statistics.settings import FACTOR, FACTORS
+from hqp_rp.compare.statistics.trials import FARS
 from hqp_rp.core.problem import FloatArray, IntArray
 
 KEPT_FIRST = 1e-6
@@ -24,6 +25,7 @@ RESAMPLES = 1000
 COVERAGE = 0.95
 
 YES, PARTLY, NO = "yes", "partly", "no"
+SETTING, CONFIGURATIONS = "its own setting", "configurations"
 QUESTIONS = ("keeps level 1", "keeps level 2", "stays bounded")
 QUANTITIES = ("error_1", "error_2_far", "error_3_far", "growth", "jump", "time")
 
@@ -45,8 +47,8 @@ class Verdict:
 
     Attributes:
         word: `YES`, `PARTLY` or `NO`. share: of the paths on which it holds.
-        hangs_on: what would change the word: names of thresholds that were moved up or down by `FACTOR`, and
-            "configurations" where more than 1 - `COVERAGE` of random resamples of them give another word.
+        hangs_on: what would change the word: names of thresholds that were moved up or down by `FACTOR`, `SETTING` where the
+            method's own number was, and `CONFIGURATIONS` where more than 1 - `COVERAGE` of random resamples of them do.
     """
 
     word: str
@@ -56,13 +58,23 @@ class Verdict:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Result:
-    """What one contestant did on one arm. spreads: by `QUANTITIES`. verdicts: by `QUESTIONS`. answered: share of samples."""
+    """What one contestant did on one arm.
+
+    Attributes:
+        spreads: by `QUANTITIES`. verdicts: by `QUESTIONS`. answered: share of the samples with an x.
+        elsewhere: factor of its setting -> the words by `QUESTIONS`; empty for a method without a setting.
+    """
 
     arm: str
     contestant: str
     spreads: dict[str, Spread]
     verdicts: dict[str, Verdict]
     answered: float
+    elsewhere: dict[float, dict[str, str]]
+
+    def word(self, question: str, factor: float = 1.0) -> str:
+        """The answer at that factor of the setting; that of the contestant itself where it has none."""
+        return self.elsewhere.get(factor, {}).get(question, self.verdicts[question].word)
 
 
 def results(rows: pl.DataFrame, contestants: Sequence[str], seed: int = 0) -> tuple[Result, ...]:
@@ -80,20 +92,31 @@ def results(rows: pl.DataFrame, contestants: Sequence[str], seed: int = 0) -> tu
 def _result(arm: str, label: str, frame: pl.DataFrame, rng: np.random.Generator) -> Result:
     count = frame["place"].n_unique()
     drawn = rng.integers(0, count, (RESAMPLES, count))
+    others = {
+        factor: _verdicts(part, count, drawn)
+        for factor in FACTORS
+        if factor != 1.0 and (part := frame.filter(pl.col("setting") == factor)).height
+    }
+    frame = frame.filter(pl.col("setting") == 1.0)
     spreads = {name: spread(frame[name].to_numpy().reshape(count, -1), drawn) for name in QUANTITIES}
-    return Result(arm, label, spreads, _verdicts(frame, count, drawn), float(frame["answered"].mean()))  # type: ignore[arg-type]
+    verdicts = _verdicts(frame, count, drawn)
+    elsewhere = {factor: {q: other[q].word for q in QUESTIONS} for factor, other in others.items()}
+    for question, verdict in verdicts.items():
+        if any(words[question] != verdict.word for words in elsewhere.values()):
+            verdicts[question] = dataclasses.replace(verdict, hangs_on=(SETTING, *verdict.hangs_on))
+    return Result(arm, label, spreads, verdicts, float(frame["answered"].mean()), elsewhere)  # type: ignore[arg-type]
 
 
 def spread(values: FloatArray, drawn: IntArray) -> Spread:
     """`values` (C, P) of C configurations and P paths; `drawn` (R, C) resampled configurations."""
-    flat = values[np.isfinite(values)]
-    if not flat.size:
+    if np.isnan(values).any():
         return Spread(*([float("nan")] * 5))
-    medians = np.nanmedian(values[drawn].reshape(len(drawn), -1), axis=1)
+    medians = np.median(values[drawn].reshape(len(drawn), -1), axis=1)
     rest = 50.0 * (1.0 - COVERAGE)
-    low, high = np.nanpercentile(medians, [rest, 100.0 - rest])
-    q05, q95 = np.percentile(flat, [5.0, 95.0])
-    return Spread(float(np.median(flat)), float(low), float(high), float(q05), float(q95))
+    # Of sorted values as they are: between two infinite ones nothing can be interpolated.
+    low, high = np.percentile(medians, [rest, 100.0 - rest], method="nearest")
+    q05, middle, q95 = np.percentile(values, [5.0, 50.0, 95.0], method="nearest")
+    return Spread(float(middle), float(low), float(high), float(q05), float(q95))
 
 
 def word_of(share: float) -> str:
@@ -129,6 +152,6 @@ def _verdicts(frame: pl.DataFrame, count: int, drawn: IntArray) -> dict[str, Ver
         hangs = [name for name, others in moved.items() if any(word_of(float(o.mean())) != word for o in others)]
         shares = holds.reshape(count, -1).mean(axis=1)[drawn].mean(axis=1)
         if np.mean([word_of(share) != word for share in shares]) > 1.0 - COVERAGE:
-            hangs.append("configurations")
+            hangs.append(CONFIGURATIONS)
         found[question] = Verdict(word, float(holds.mean()), tuple(hangs))
     return found

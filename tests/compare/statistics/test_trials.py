@@ -34,9 +34,21 @@ def test_measures_by_hand() -> None:
     assert found["jump"] == pytest.approx(np.linalg.norm(x[1] - x[0]))
 
 
+def test_a_path_with_a_sample_without_an_answer_is_lost() -> None:
+    A, b = np.tile(np.eye(3), (2, 1, 1)), np.ones((2, 3))
+    passage = Passage(np.zeros((2, 3)), A, b, np.array([0, 1, 2, 3]), np.array([1.0, 0.2]))
+    found = measures(passage, np.ones((2, 3)), np.ones((2, 3)), np.array([1.0, 0.0]))
+    assert set(found.values()) == {np.inf}
+    assert measures(passage, np.ones((2, 3)), np.ones((2, 3)), np.ones(2))["error_1"] == 0.0
+
+
 def test_rows_tell_exact_damped_and_reverse_apart() -> None:
     rows = run_unit(Unit(DESIGN, "planar4", 0, CONTESTANTS))
-    assert rows.height == 2 * 3
+    assert rows.height == 2 * (3 + 2)  # the damped one at three settings
+    damped = rows.filter(rows["contestant"] == "damped").sort("setting")
+    assert damped["setting"].unique().sort().to_list() == [1.0 / 3.0, 1.0, 3.0]
+    assert damped["error_1"][0] < damped["error_1"][-1]
+    rows = rows.filter(rows["setting"] == 1.0)
     by = {label: rows.filter(rows["contestant"] == label) for label in ("exact", "damped", "reverse")}
     assert by["exact"]["error_1"].max() < 1e-9
     assert by["exact"]["error_2_far"].max() < 1e-9

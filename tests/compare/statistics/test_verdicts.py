@@ -13,6 +13,7 @@ from hqp_rp.compare.statistics.verdicts import (
     NO,
     PARTLY,
     QUESTIONS,
+    SETTING,
     YES,
     results,
     spread,
@@ -29,7 +30,7 @@ def rows(**given: object) -> pl.DataFrame:
     values = dict.fromkeys(("error_1", "error_2", "jump"), 0.0)
     for name in ("", "_nearer", "_farther"):
         values |= {f"error_2_far{name}": 0.0, f"error_3_far{name}": 0.0, f"growth{name}": 1.0}
-    values |= {"nearest": 1e-3, "answered": 1.0, "time": 1e-6} | given
+    values |= {"setting": 1.0, "nearest": 1e-3, "answered": 1.0, "time": 1e-6} | given
     columns = {name: np.broadcast_to(np.asarray(value, dtype=float), count) for name, value in values.items()}
     place = np.repeat(np.arange(PLACES), PATHS)
     return pl.DataFrame(
@@ -91,6 +92,24 @@ def test_the_draw_of_configurations_is_marked_where_it_decides() -> None:
     assert found.verdicts[FIRST].word == PARTLY
     assert found.verdicts[FIRST].share == pytest.approx(0.9)
     assert found.verdicts[FIRST].hangs_on == ("configurations",)
+
+
+def test_a_method_whose_own_setting_decides_is_marked() -> None:
+    """As it is it keeps level 1; with three times its setting it does not, and with a third it does."""
+    frames = [rows(setting=factor, error_1=error) for factor, error in ((1.0, 0.0), (1.0 / 3.0, 0.0), (3.0, 1.0))]
+    (found,) = results(pl.concat(frames), ["a"])
+    assert found.verdicts[FIRST].word == YES
+    assert found.verdicts[FIRST].hangs_on == (SETTING,)
+    assert found.verdicts[SECOND].hangs_on == ()
+    assert [found.word(FIRST, factor) for factor in (1.0 / 3.0, 1.0, 3.0)] == [YES, YES, NO]
+
+
+def test_paths_without_an_answer_keep_nothing_and_are_not_bounded() -> None:
+    lost = dict.fromkeys(("error_1", "error_2_far", "growth", "growth_nearer", "growth_farther", "jump"), np.inf)
+    (found,) = results(rows(answered=0.0, **lost), ["a"])
+    assert {verdict.word for verdict in found.verdicts.values()} == {NO}
+    assert found.spreads["growth"].median == found.spreads["growth"].high == np.inf
+    assert found.answered == 0.0
 
 
 def test_an_interval_is_wider_where_configurations_differ_than_where_paths_do() -> None:
