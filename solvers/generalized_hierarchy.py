@@ -65,8 +65,13 @@ class GeneralizedHierarchy(Solver):
 
     def __post_init__(self) -> None:
         rows = self.alpha
-        if isinstance(rows, list | np.ndarray):
-            rows = tuple(tuple(float(a) for a in row) for row in rows)
+        if isinstance(rows, list | tuple | np.ndarray):
+            try:
+                rows = tuple(tuple(float(a) for a in row) for row in rows)
+            except (TypeError, ValueError):
+                raise SettingError(
+                    f"alpha is {rows!r}; it must be a number, or p rows of p numbers, in [0, 1]."
+                ) from None
             object.__setattr__(self, "alpha", rows)
         values = [a for row in rows for a in row] if isinstance(rows, tuple) else [rows]
         if isinstance(rows, tuple) and (not rows or any(len(row) != len(rows) for row in rows)):

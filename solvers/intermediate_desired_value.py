@@ -62,8 +62,13 @@ class IntermediateDesiredValue(Solver):
 
     def __post_init__(self) -> None:
         given = self.activation
-        if isinstance(given, list | np.ndarray):
-            given = tuple(float(h) for h in given)
+        if isinstance(given, list | tuple | np.ndarray):
+            try:
+                given = tuple(float(h) for h in given)
+            except (TypeError, ValueError):
+                raise SettingError(
+                    f"activation is {given!r}; it must be a number in [0, 1], or one for each level."
+                ) from None
             object.__setattr__(self, "activation", given)
         for value in given if isinstance(given, tuple) else (given,):
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:

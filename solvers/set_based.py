@@ -126,8 +126,6 @@ class _Modes:
         self.cascade = _native.null_space(settings.rank_tolerance, 0, 0.0, 0.0)
         self.equality = lower == upper
         self.size = np.linalg.norm(matrix, axis=1)
-        bounds = np.where(np.isfinite(lower), np.abs(lower), 0.0), np.where(np.isfinite(upper), np.abs(upper), 0.0)
-        self.bound = np.maximum(*bounds)
 
     def modes(self) -> Iterator[dict[int, int]]:
         """Which rows are active, and at which bound (-1 lower, +1 upper), the fewest first; those that x passes come first."""
@@ -174,6 +172,8 @@ class _Modes:
         """(M,) by how much rows are passed, beyond the slack."""
         with np.errstate(all="ignore"):
             value = self.matrix @ x
-            slack = self.slack * (self.size * np.linalg.norm(x) + self.bound)
-            excess: FloatArray = np.maximum(value - self.upper, self.lower - value) - slack
+            over, under = value - self.upper, self.lower - value
+            nearer = np.where(over > under, self.upper, self.lower)  # another bound, far away, says nothing of this one
+            nearer = np.where(np.isfinite(nearer), np.abs(nearer), 0.0)
+            excess: FloatArray = np.maximum(over, under) - self.slack * (self.size * np.linalg.norm(x) + nearer)
         return excess

@@ -263,7 +263,9 @@ class EqualityBlocks:
         at = at + free @ (right[keep].T @ ((left[:, keep].T @ (b - B @ at)) / sizes[keep]))
         gradient = B.T @ (B @ at - b)
         force = -(G @ (self.Z.T @ gradient)) * self.side[waiting]
-        least = self.tolerance * scale * (scale * self._size + _norm(b))
+        # Each force against what it is a sum of: a large row of the level says nothing of one that it does not reach.
+        reach = np.abs(G @ (B @ self.Z).T)
+        least = self.tolerance * (reach @ (_lengths(B) * self._size + np.abs(b)))
         wrong = waiting[force < -least]
         if len(wrong):
             by = "the norm" if level is None else self._level(level)

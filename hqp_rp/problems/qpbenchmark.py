@@ -12,7 +12,8 @@ violation of level k with all levels before it held where the exact answer x* ha
     min 1/2 ||w||^2,  A_k x - w in bounds    with two-sided rows; the unknown is (x, w)
     min 1/2 ||x||^2, or 1/2 x^T W x          the last one, whose only answer is x*
 
-so each is an ordinary convex program whose optimal value is known: half the square of the level's residual.
+so each is an ordinary convex program whose optimal value is known: half the square of the level's residual, for equalities
+less 1/2 ||b_k||^2, the constant that P and q do not hold.
 """
 
 from __future__ import annotations
@@ -54,12 +55,15 @@ def programs(known: KnownProblem) -> Iterator[Program]:
 
 
 def _held(level: Level, x: FloatArray) -> Level:
-    """The level's rows with bounds moved to where x violates them."""
+    """The level's rows within their bounds, those that x violates at the value that they have there."""
     value = level.A @ x
     size = np.linalg.norm(level.A, axis=1) * np.linalg.norm(x)
     below, above = np.minimum(value - level.lower, 0.0), np.maximum(value - level.upper, 0.0)
     below[-below <= _HELD * size], above[above <= _HELD * size] = 0.0, 0.0
-    return Level(level.A, level.lower + below, level.upper + above)
+    missed = (
+        below + above != 0.0
+    )  # held where it is: a row that misses its bound can come no nearer and must go no farther
+    return Level(level.A, np.where(missed, value, level.lower), np.where(missed, value, level.upper))
 
 
 def _program(name: str, kept: Sequence[Level], level: Level, n: int) -> Program:

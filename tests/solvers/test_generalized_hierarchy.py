@@ -82,6 +82,12 @@ def test_bad_priorities(bad: object) -> None:
         solve(independent(0), "generalized_hierarchy", alpha=bad)
 
 
+@pytest.mark.parametrize("bad", [[0.5, 0.5], (0.5, 0.5), np.array(0.5), [["a", 0.0], [0.0, 0.0]], [[None]]])
+def test_what_is_no_table_of_numbers_is_refused(bad: object) -> None:
+    with pytest.raises(SettingError, match="a number, or p rows of p numbers"):
+        solve(independent(0), "generalized_hierarchy", alpha=bad)
+
+
 def test_rows_of_another_length_are_refused() -> None:
     with pytest.raises(SettingError, match="it must be p rows of p numbers"):
         solve(Problem([Level.equality(np.eye(2), [1.0, 1.0])]), "generalized_hierarchy", alpha=[[0.0, 1.0]])

@@ -71,3 +71,9 @@ def test_refusals() -> None:
 def test_bad_activation(bad: object) -> None:
     with pytest.raises(SettingError, match=r"every degree must be a number in \[0, 1\]"):
         solve(independent(0), "intermediate_desired_value", activation=bad)
+
+
+@pytest.mark.parametrize("bad", [np.array(0.5), ["a"], [None], [[0.5]]])
+def test_what_is_no_list_of_numbers_is_refused(bad: object) -> None:
+    with pytest.raises(SettingError, match="a number in \\[0, 1\\], or one for each level"):
+        solve(independent(0), "intermediate_desired_value", activation=bad)

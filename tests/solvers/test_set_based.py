@@ -25,6 +25,16 @@ def test_of_two_bounds_the_one_that_would_be_passed_is_held() -> None:
         np.testing.assert_allclose(solve(problem, "set_based").x, [expected, 0.0], atol=1e-12)
 
 
+@pytest.mark.parametrize("far", [1e9, 1e20, np.inf])
+def test_a_bound_far_away_does_not_widen_the_near_one(far: float) -> None:
+    for sign in (1.0, -1.0):
+        bounds = (0.0, far) if sign > 0.0 else (-far, 0.0)
+        problem = Problem(
+            [Level.equality([[1.0, 0.0]], [-0.5 * sign])], hard=Level([[1.0, 0.0]], [bounds[0]], [bounds[1]])
+        )
+        np.testing.assert_allclose(solve(problem, "set_based").x, [0.0, 0.0], atol=1e-12)
+
+
 def test_priority_decides_between_a_task_and_a_bound_below_it() -> None:
     problem = Problem([Level.equality([[1.0, 0.0]], [2.0]), Level([[1.0, 0.0]], [-np.inf], [0.5])])
     solution = solve(problem, "set_based")

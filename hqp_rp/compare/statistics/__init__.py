@@ -1,9 +1,9 @@
 """Many passages through singularities, so that a verdict is one on methods and not on one path.
 
 What flows through: `arms` says which arms and stacks; `passages` finds singular configurations of each and draws paths through
-them; `trials` puts every problem of a path to every contestant, at the `settings` beside its own too, and keeps one row
-for each; `verdicts` boils the rows down to medians, intervals and verdicts, and says what they hang on; `record` holds all; `picture` and
-`report` draw and write. `study` runs it.
+them; `trials` puts every problem of a path to every contestant, at the `settings` beside its own too, and keeps one row for
+each; `verdicts` boils the rows down to medians, intervals and verdicts, and says what they hang on; `record` holds all;
+`picture` and `report` draw and write. `study` runs it.
 """
 
 from hqp_rp.compare.statistics.passages import Design
