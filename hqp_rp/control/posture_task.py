@@ -25,8 +25,8 @@ class PostureTask(FeedbackTask):
 
     Args:
         target: (nq,) q* of the whole robot, rad or m, also when only some joints are chosen.
-        joints: names, patterns of names ("left_*") or velocity indices of the joints to bring there; None means all
-            that the robot drives.
+        joints: names, patterns of names ("left_*") or velocity indices of the joints to bring there; None means every
+            velocity, those of a floating base too; `["*"]` the joints alone.
         gain: 1/s, >= 0: one number, or one for each chosen joint (for all joints, one for each velocity).
         feedforward: velocity of the target, rad/s or m/s, one number for each row; None means 0.
         weight: > 0, one number or one for each row; see `FeedbackTask`.

@@ -11,8 +11,8 @@ import embodik
 import numpy as np
 from serve import Answer, Given, Worker, serve
 
-FAR = 1e6
-"""embodik takes finite bounds only, and at least one constraint row: what stands for "no bound"."""
+FAR = 1e13
+"""embodik takes finite bounds only, and at least one constraint row: what stands for "no bound", beyond every answer."""
 
 CALL = "computeMultiObjectiveVelocitySolutionEigen(goals, jacobians, C, lower, upper{})"
 SETTINGS: dict[str, dict[str, Any]] = {
