@@ -2,6 +2,7 @@
 
     python docs/reports/peers/measure.py --environments DIR                    # everything: report.md, figure.png, run.json
     python docs/reports/peers/measure.py --environments DIR --peer mink --output FOLDER    # one peer beside hqp_rp
+    python docs/reports/peers/measure.py --environments DIR --verdicts         # who is right anew, times as they were
     python docs/reports/peers/measure.py --written                             # the page again from run.json
     python docs/reports/peers/measure.py --how                                 # how the environments are made
 
@@ -134,7 +135,25 @@ def cold_starts(processes: dict[str, Process], about: dict[str, Any]) -> dict[st
     return found
 
 
-def measure(peers: list[Peer], environments: Path) -> dict[str, Any]:
+def right(processes: dict[str, Process], about: dict[str, Any]) -> dict[str, Any]:
+    """Who is right: the verdicts on the set and on problems drawn anew."""
+    verdicts: dict[str, Any] = {}
+    unseen: dict[str, Any] = {}
+    known, drawn = stated(), fresh.draw(SEED)
+    paths = {name: problems.path(name) for name in known}
+    with tempfile.TemporaryDirectory() as folder:
+        drawn_paths = fresh.save(drawn, Path(folder))
+        for peer, said in about.items():
+            for variant in said["variants"] if said["solves"] else ():
+                print(f"{peer}, {variant}", file=sys.stderr)
+                verdicts.setdefault(peer, {})[variant] = solve_all(processes[peer], variant, known, paths)
+                unseen.setdefault(peer, {})[variant] = solve_all(processes[peer], variant, drawn, drawn_paths)
+    families = {name: one.family for name, one in known.items()}
+    return {"families": families, "verdicts": verdicts, "seed": SEED, "unseen": unseen}
+
+
+def measure(peers: list[Peer], environments: Path, before: dict[str, Any] | None = None) -> dict[str, Any]:
+    """The whole run; with the run `before` only who is right is asked anew, and its times stay."""
     processes: dict[str, Process] = {}
     about, missing, size = {}, {}, {}
     for peer in peers:
@@ -152,37 +171,37 @@ def measure(peers: list[Peer], environments: Path) -> dict[str, Any]:
         raise SystemExit(
             f"{OURS.name} itself takes no part ({missing[OURS.name]}); make its environment first (--how)."
         )
-    verdicts: dict[str, Any] = {}
-    unseen: dict[str, Any] = {}
-    known, drawn = stated(), fresh.draw(SEED)
-    with tempfile.TemporaryDirectory() as folder:
-        drawn_paths = fresh.save(drawn, Path(folder))
-        for peer, said in about.items():
-            for variant in said["variants"] if said["solves"] else ():
-                print(f"{peer}, {variant}", file=sys.stderr)
-                process, paths = processes[peer], {name: problems.path(name) for name in known}
-                verdicts.setdefault(peer, {})[variant] = solve_all(process, variant, known, paths)
-                unseen.setdefault(peer, {})[variant] = solve_all(process, variant, drawn, drawn_paths)
+    found = right(processes, about)
+    if before is not None:
+        for process in processes.values():
+            process.close()
+        gone = set(before["about"]) - set(about)
+        if gone:
+            raise SystemExit(
+                f"{', '.join(sorted(gone))}: in run.json and not in {environments}; measure everything anew."
+            )
+        return before | found | {"about": about, "versions": _versions()}
     print("times", file=sys.stderr)
     run = {
-        "versions": {"hqp_rp": hqp_rp.__version__, "problem set": problems.version},
+        "versions": _versions(),
         "machine": {"processor": _processor(), "system": platform.system(), "cores": os.cpu_count()},
         "load": os.getloadavg()[0],
         "about": about,
         "missing": missing,
         "megabytes": size,
         "alone": megabytes(environments / OURS.name / "bin" / "python", ("hqp_rp", "numpy")),
-        "families": {name: one.family for name, one in known.items()},
-        "verdicts": verdicts,
-        "seed": SEED,
-        "unseen": unseen,
-        "calls": timed(processes, about, verdicts),
+        **found,
+        "calls": timed(processes, about, found["verdicts"]),
         "steps": steps(processes, about),
     }
     for process in processes.values():
         process.close()
     print("cold starts", file=sys.stderr)
     return run | {"cold": cold_starts(processes, about)}
+
+
+def _versions() -> dict[str, str]:
+    return {"hqp_rp": hqp_rp.__version__, "problem set": problems.version}
 
 
 def _processor() -> str:
@@ -198,6 +217,9 @@ def main() -> None:
         "--peer", action="append", choices=[p.name for p in PEERS[1:]], help="only this one, beside hqp_rp"
     )
     parser.add_argument("--output", type=Path, help="where the page is written; needed with --peer")
+    parser.add_argument(
+        "--verdicts", action="store_true", help="ask anew who is right, of all peers, and keep the times of run.json"
+    )
     parser.add_argument("--written", action="store_true", help="write the page again from run.json")
     parser.add_argument("--how", action="store_true", help="say how the environments are made")
     given = parser.parse_args()
@@ -213,7 +235,8 @@ def main() -> None:
         if hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # everyone on the same core, in turns
         chosen = [p for p in PEERS if p is OURS or not given.peer or p.name in given.peer]
-        run = measure(chosen, given.environments.absolute())
+        before = json.loads((output / "run.json").read_text(encoding="utf-8")) if given.verdicts else None
+        run = measure(chosen, given.environments.absolute(), before)
         output.mkdir(parents=True, exist_ok=True)
         (output / "run.json").write_text(json.dumps(run, indent=1) + "\n", encoding="utf-8")
     from page import write
