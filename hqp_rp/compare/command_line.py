@@ -226,7 +226,7 @@ def statistics(
 ) -> int:
     """Drive three arms along 400 paths each through their singularities: medians, intervals, and which verdicts hang on what.
 
-    It takes some ten minutes on two cores. A study that was stopped goes on where it stopped when the same command is given
+    It takes some fifteen minutes on two cores. A study that was stopped goes on where it stopped when the same command is given
     again.
 
     Args:
