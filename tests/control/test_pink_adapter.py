@@ -299,7 +299,7 @@ def test_what_is_not_set_up_is_refused_in_a_sentence(tmp_path):
     ):
         with pytest.raises(SettingError, match=told):
             Stack([task]).problem(robot, DT)
-    with pytest.raises(SettingError, match=r"limits or tasks of mink or pink, which need the time step"):
+    with pytest.raises(SettingError, match=r"limits, or tasks of mink or pink; they need the time step"):
         Stack([costs]).problem(robot)
 
 

@@ -431,7 +431,7 @@ def test_it_is_there_at_the_top_level():
     assert issubclass(NotDifferentiableError, hqp_rp.HqpError | ArithmeticError)
 
 
-@pytest.mark.parametrize("weight", [1.0, 1e5, 1e9])
+@pytest.mark.parametrize("weight", [1.0, 1e5, 1e6])
 def test_a_large_row_of_a_level_says_nothing_of_a_held_row_that_it_does_not_reach(weight: float) -> None:
     level = Level.equality(np.diag([weight, 1.0]), [2.0 * weight, 1.5])
     problem = Problem([level], Level(np.eye(2), -1.0, 1.0))

@@ -72,7 +72,7 @@ class Passage:
 def places(arm: str, count: int, seed: int) -> tuple[SingularConfiguration, ...]:
     """`count` algorithmic singularities of the arm's second level; `SettingError` when a long search finds fewer."""
     robot, stack = scene_of(arm)
-    starts = 4 * count
+    starts, found = 4 * count, []
     for _ in range(_ROUNDS):
         found = [
             place
