@@ -70,17 +70,15 @@ def statistics(
         places(name, design.configurations, design.seed)  # a design that cannot be met is told before any work
     units = [Unit(design, name, index, contestants) for name in names for index in range(design.configurations)]
     run = _description(design, names, contestants)
+    labels = [contestant.label for contestant in contestants]
     if output is None:
         with tempfile.TemporaryDirectory(prefix="hqp_rp-") as place:
             rows = _run(units, RunFolder(place, run), workers, progress)
-    else:
-        folder = RunFolder(output, run, files=FILES, overwrite=overwrite)
-        rows = _run(units, folder, workers, progress)
-    found = results(rows, [contestant.label for contestant in contestants], design.seed)
-    study = Statistics(design, names, contestants, rows, found)
-    if output is not None:
-        study = dataclasses.replace(study, folder=folder.path)
-        write_report(statistics_report(study), folder.path)
+        return Statistics(design, names, contestants, rows, results(rows, labels, design.seed))
+    folder = RunFolder(output, run, files=FILES, overwrite=overwrite)
+    rows = _run(units, folder, workers, progress)
+    study = Statistics(design, names, contestants, rows, results(rows, labels, design.seed), folder.path)
+    write_report(statistics_report(study), folder.path)
     return study
 
 
