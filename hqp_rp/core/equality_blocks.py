@@ -263,8 +263,7 @@ class EqualityBlocks:
         at = at + free @ (right[keep].T @ ((left[:, keep].T @ (b - B @ at)) / sizes[keep]))
         gradient = B.T @ (B @ at - b)
         force = -(G @ (self.Z.T @ gradient)) * self.side[waiting]
-        # Each force against what it is a sum of, and rounding of the whole: a large row of the level says nothing of one that it
-        # does not reach.
+        # Each force against what it is a sum of, and rounding of the whole: a large row says nothing of one it does not reach.
         reach = np.abs(G @ (B @ self.Z).T)
         least = self.tolerance * (reach @ (_lengths(B) * self._size + np.abs(b)))
         least = np.maximum(least, 8.0 * np.finfo(float).eps * scale * (scale * self._size + _norm(b)))
