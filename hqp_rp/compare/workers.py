@@ -1,11 +1,12 @@
-"""Worker processes: one thread each, solvers loaded before anything is timed, and a progress bar over all of them."""
+"""Worker processes: work shared among them, one thread each, solvers loaded before anything is timed, and a progress bar."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,22 @@ def warm_up(solvers: Iterable[Solver]) -> None:
         for problem in problems:
             fresh.solve(problem)
             fresh.solve(problem, np.zeros(7))
+
+
+def in_processes(work: Callable[[Any], Any], items: Sequence[Any], workers: int) -> Iterator[tuple[int, Any]]:
+    """(index, work(item)) of each item as soon as it is done, over so many processes; 1 works in this one, in their order."""
+    if workers == 1:
+        yield from ((index, work(item)) for index, item in enumerate(items))
+        return
+    import joblib
+
+    with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
+        pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
+        yield from pool(joblib.delayed(_indexed)(work, index, item) for index, item in enumerate(items))
+
+
+def _indexed(work: Callable[[Any], Any], index: int, item: Any) -> tuple[int, Any]:
+    return index, work(item)
 
 
 @contextlib.contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import polars as pl
@@ -12,7 +12,7 @@ from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.machine import usable_cores, versions
 from hqp_rp.compare.measure.metrics import judged_rows, part_frame
 from hqp_rp.compare.run_folder import RunFolder, digest
-from hqp_rp.compare.workers import one_thread_each, progress_bar, warm_up
+from hqp_rp.compare.workers import in_processes, progress_bar, warm_up
 from hqp_rp.core.errors import SettingError
 from hqp_rp.scenarios.scenario import Scenario
 
@@ -74,29 +74,15 @@ def run_units(units: Sequence[Unit], folder: RunFolder, *, workers: int | None, 
         if not left:
             return
         advance(0, "solving")
-        for unit in _finished(left, folder, min(workers or usable_cores(), len(left))):
+        for index, frame in in_processes(_warm, left, min(workers or usable_cores(), len(left))):
+            unit = left[index]
+            folder.save(unit.key, frame)
             advance(weights[id(unit)], f"{type(unit.scenario).name}: {unit.contestant.label}")
 
 
-def _finished(left: Sequence[Unit], folder: RunFolder, workers: int) -> Iterator[Unit]:
-    if workers == 1:
-        for unit in left:
-            warm_up([unit.contestant.solver])
-            folder.save(unit.key, run_unit(unit))
-            yield unit
-        return
-    import joblib
-
-    with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
-        pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-        for index, frame in pool(joblib.delayed(_indexed)(i, unit) for i, unit in enumerate(left)):
-            folder.save(left[index].key, frame)
-            yield left[index]
-
-
-def _indexed(index: int, unit: Unit) -> tuple[int, pl.DataFrame]:
+def _warm(unit: Unit) -> pl.DataFrame:
     warm_up([unit.contestant.solver])
-    return index, run_unit(unit)
+    return run_unit(unit)
 
 
 def run_unit(unit: Unit) -> pl.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import polars as pl
@@ -20,7 +20,7 @@ from hqp_rp.compare.statistics.record import Statistics
 from hqp_rp.compare.statistics.report import statistics_report
 from hqp_rp.compare.statistics.trials import Unit, run_unit
 from hqp_rp.compare.statistics.verdicts import results
-from hqp_rp.compare.workers import one_thread_each, progress_bar
+from hqp_rp.compare.workers import in_processes, progress_bar
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.solver import Solver
 
@@ -96,23 +96,7 @@ def _run(units: Sequence[Unit], folder: RunFolder, workers: int | None, progress
     left = [unit for unit in units if not folder.has(unit.key)]
     with progress_bar(progress, len(units), len(units) - len(left), "configurations") as advance:
         advance(0, "solving")
-        for unit, frame in _finished(left, min(workers or usable_cores(), max(len(left), 1))):
-            folder.save(unit.key, frame)
-            advance(1, arm_named(unit.arm).title)
+        for index, frame in in_processes(run_unit, left, min(workers or usable_cores(), max(len(left), 1))):
+            folder.save(left[index].key, frame)
+            advance(1, arm_named(left[index].arm).title)
     return folder.load([unit.key for unit in units])
-
-
-def _finished(left: Sequence[Unit], workers: int) -> Iterator[tuple[Unit, pl.DataFrame]]:
-    if workers == 1:
-        yield from ((unit, run_unit(unit)) for unit in left)
-        return
-    import joblib
-
-    with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
-        pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-        for index, frame in pool(joblib.delayed(_indexed)(i, unit) for i, unit in enumerate(left)):
-            yield left[index], frame
-
-
-def _indexed(index: int, unit: Unit) -> tuple[int, pl.DataFrame]:
-    return index, run_unit(unit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
@@ -13,7 +14,7 @@ from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.compare.stress.plan import Plan, quiet, scene_of
 from hqp_rp.compare.stress.rows import chunk_rows
 from hqp_rp.compare.stress.subject import Subject
-from hqp_rp.compare.workers import one_thread_each, progress_bar
+from hqp_rp.compare.workers import in_processes, one_thread_each, progress_bar
 from hqp_rp.control.singularities import SingularConfiguration, Start, refine_starts
 from hqp_rp.core.errors import MissingExtraError, SettingError
 
@@ -88,19 +89,8 @@ def _refined(subject: Subject, seed: int, block: Sequence[Start]) -> list[Singul
 
 
 def _by_joblib(plan: Plan, left: Sequence[int], workers: int) -> Finished:
-    if workers == 1:
-        for index in left:
-            yield index, chunk_rows(plan, index)
-        return
-    import joblib
-
-    with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
-        pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-        yield from pool(joblib.delayed(_indexed)(plan, index) for index in left)
-
-
-def _indexed(plan: Plan, index: int) -> tuple[int, pl.DataFrame]:
-    return index, chunk_rows(plan, index)
+    for place, frame in in_processes(functools.partial(chunk_rows, plan), left, workers):
+        yield left[place], frame
 
 
 def dask_client(address: str) -> Any:
@@ -147,6 +137,10 @@ def _by_dask(plan: Plan, left: Sequence[int], client: Any) -> Finished:
         if following is not None:
             pending.add(submit(following))
         yield result
+
+
+def _indexed(plan: Plan, index: int) -> tuple[int, pl.DataFrame]:
+    return index, chunk_rows(plan, index)
 
 
 def _submitter(plan: Plan, client: Any) -> Callable[[int], Any]:
