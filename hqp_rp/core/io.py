@@ -25,6 +25,34 @@ VERSION = 3
 PathLike: TypeAlias = str | os.PathLike[str]
 
 
+def arrays_of(problem: Problem) -> dict[str, Any]:
+    """The arrays of a problem's file by name, all but the metadata; see `save_problem`."""
+    arrays: dict[str, Any] = {
+        "format": np.array(FORMAT),
+        "version": np.array(version_of(problem)),
+        "matrix": problem.matrix,
+        "lower": problem.lower,
+        "upper": problem.upper,
+        "offsets": problem.offsets,
+        "names": np.array(problem.names, dtype=np.str_),
+    }
+    if problem.hard is not None:
+        hard = problem.hard
+        arrays |= {
+            "hard_A": hard.A,
+            "hard_lower": hard.lower,
+            "hard_upper": hard.upper,
+            "hard_name": np.array(hard.name),
+        }
+    if problem.damping is not None:
+        policies = [policy or NoDamping() for policy in problem.damping]
+        arrays["damping_kind"] = np.array([policy.kind for policy in policies])
+        arrays["damping_parameters"] = np.array([policy.parameters for policy in policies])
+    if problem.metric is not None:
+        arrays["metric"] = problem.metric
+    return arrays
+
+
 def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.Path:
     """Write `problem` to `path` and return the path. The file appears whole or not at all.
 
@@ -43,30 +71,7 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
         SettingError: a metadata value that JSON cannot hold.
     """
     target = user_path(path)
-    arrays: dict[str, Any] = {
-        "format": np.array(FORMAT),
-        "version": np.array(version_of(problem)),
-        "matrix": problem.matrix,
-        "lower": problem.lower,
-        "upper": problem.upper,
-        "offsets": problem.offsets,
-        "names": np.array(problem.names, dtype=np.str_),
-        "metadata": np.array(_encoded(metadata)),
-    }
-    if problem.hard is not None:
-        hard = problem.hard
-        arrays |= {
-            "hard_A": hard.A,
-            "hard_lower": hard.lower,
-            "hard_upper": hard.upper,
-            "hard_name": np.array(hard.name),
-        }
-    if problem.damping is not None:
-        policies = [policy or NoDamping() for policy in problem.damping]
-        arrays["damping_kind"] = np.array([policy.kind for policy in policies])
-        arrays["damping_parameters"] = np.array([policy.parameters for policy in policies])
-    if problem.metric is not None:
-        arrays["metric"] = problem.metric
+    arrays = arrays_of(problem) | {"metadata": np.array(_encoded(metadata))}
     partial = target.with_name(f".{target.name}.{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
     try:
         with partial.open("xb") as file:

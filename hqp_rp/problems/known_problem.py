@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hqp_rp.core.damping import NoDamping
 from hqp_rp.core.errors import FileError
-from hqp_rp.core.io import FORMAT, PathLike, load_problem, version_of
+from hqp_rp.core.io import PathLike, arrays_of, load_problem
 from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray, Problem
 
@@ -106,14 +105,7 @@ def to_arrays(known: KnownProblem) -> dict[str, Any]:
     exact = known.exact
     if exact is None:
         exact = KnownAnswer(np.full(problem.n, np.nan), np.full(p, np.nan), (0,) * p)
-    arrays: dict[str, Any] = {
-        "format": np.array(FORMAT),
-        "version": np.array(version_of(problem)),
-        "matrix": problem.matrix,
-        "lower": problem.lower,
-        "upper": problem.upper,
-        "offsets": problem.offsets,
-        "names": np.array(problem.names, dtype=np.str_),
+    arrays = arrays_of(problem) | {
         "metadata": np.array(json.dumps({"problem_set": known.set_version, "name": known.name})),
         "set_version": np.array(known.set_version),
         "name": np.array(known.name),
@@ -129,20 +121,6 @@ def to_arrays(known: KnownProblem) -> dict[str, Any]:
         "residuals": exact.residuals,
         "ranks": np.array(exact.ranks, dtype=np.int64),
     }
-    if problem.hard is not None:
-        hard = problem.hard
-        arrays |= {
-            "hard_A": hard.A,
-            "hard_lower": hard.lower,
-            "hard_upper": hard.upper,
-            "hard_name": np.array(hard.name),
-        }
-    if problem.damping is not None:
-        policies = [policy or NoDamping() for policy in problem.damping]
-        arrays["damping_kind"] = np.array([policy.kind for policy in policies])
-        arrays["damping_parameters"] = np.array([policy.parameters for policy in policies])
-    if problem.metric is not None:
-        arrays["metric"] = problem.metric
     if known.rule is not None:
         arrays |= {
             "x_rule": known.rule.x,
