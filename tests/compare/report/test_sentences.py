@@ -1,0 +1,62 @@
+"""Sentences from templates: filled, spelled, and refused when a name or a figure is wrong."""
+
+from __future__ import annotations
+
+import pathlib
+import re
+
+import pytest
+
+import hqp_rp.compare
+from hqp_rp.compare.report.sentences import Sentences
+
+COMPARE = pathlib.Path(hqp_rp.compare.__file__).parent
+TEMPLATE = """\
+{# comments say why #}
+{% macro stays(found, distance) %}
+Accuracy: {{ found | listing }} {{ found | verb("stays", "stay") }}
+within {{ distance | number }} of {{ "optimum" }}{% if found | length > 2 %}, all of them{% endif %}.
+{% endmacro %}
+{% macro lost(steps, part) %}Lost on {{ steps | counted("step") }}, {{ part | share }} <of all>.{% endmacro %}
+"""
+
+
+@pytest.fixture
+def say(tmp_path: pathlib.Path) -> Sentences:
+    (tmp_path / "sentences.j2").write_text(TEMPLATE)
+    return Sentences(str(tmp_path / "module.py"))
+
+
+def test_a_sentence_is_one_line_with_figures_as_reports_spell_them(say: Sentences) -> None:
+    assert say("stays", found=["a"], distance=1.234e-7) == "Accuracy: a stays within 1.2e-07 of optimum."
+    assert (
+        say("stays", found=["a", "b", "c"], distance=0.5)
+        == "Accuracy: a, b and c stay within 0.5 of optimum, all of them."
+    )
+    assert say("lost", steps=1, part=0.25) == "Lost on 1 step, 25.0 % <of all>."
+
+
+def test_an_unknown_sentence_is_refused(say: Sentences) -> None:
+    with pytest.raises(KeyError, match=r"has no 'gone'; it has \['lost', 'stays'\]"):
+        say("gone")
+
+
+def test_a_missing_figure_is_refused(say: Sentences) -> None:
+    with pytest.raises(TypeError, match="'lost' also takes"):
+        say("lost", steps=1)
+
+
+def test_a_figure_too_many_is_refused(say: Sentences) -> None:
+    with pytest.raises(TypeError, match="takes no keyword argument"):
+        say("lost", steps=1, part=0.5, more=2)
+
+
+def test_code_and_template_name_the_same_sentences() -> None:
+    """What the code beside a template asks for is there, and nothing is there that nobody asks for."""
+    for template in sorted(COMPARE.rglob("sentences.j2")):
+        sources = "".join(path.read_text() for path in sorted(template.parent.glob("*.py")))
+        asked = set(re.findall(r"\bsay\(\s*\"(\w+)\"", sources))
+        there = {name for name in Sentences(str(template)).names() if not name.startswith("_")}
+        assert asked == there, (
+            f"{template.parent.name}: unasked {sorted(there - asked)}, unwritten {sorted(asked - there)}"
+        )
