@@ -25,7 +25,10 @@ from hqp_rp.compare.figures.panels import (
 )
 from hqp_rp.compare.measure.cases import PARTING, singular_distance
 from hqp_rp.compare.measure.metrics import parting_frame
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.scenarios.scenario import Scenario
+
+say = Sentences(__file__)
 
 
 def scenario_charts(
@@ -76,11 +79,8 @@ def _family(
         case,
         contestants,
         kind="error-against-distance",
-        title="Error of each level against the distance to the singularity",
-        caption="Excess error: what level k's residual has above what the levels before it allow, in the unit of the task; "
-        f"zero is drawn at {ERROR_FLOOR:g}, and what rounding alone explains is pale. Lines are medians over the seeds, "
-        "bands the range between them. |x| is the size of the answer. Curves that lie on each other are drawn wide under "
-        "narrow.",
+        title=say("chart_family"),
+        caption=say("caption_family", floor=ERROR_FLOOR),
         x_label=scenario.abscissa,
         rows=rows,
         panels=[_spread(table, contestants) for table in tables],
@@ -124,10 +124,8 @@ def _against_sigma(
         case,
         contestants,
         kind="error-against-distance",
-        title="Largest error at each distance from the singularity",
-        caption="The distance is the smallest singular value of a level's rows in the null space of the levels before it, "
-        "over the levels whose rows fit there; the largest value in each quarter of a decade is drawn, over all seeds. "
-        f"Excess error as everywhere; zero is drawn at {ERROR_FLOOR:g}.",
+        title=say("chart_sigma"),
+        caption=say("caption_sigma", floor=ERROR_FLOOR),
         x_label="smallest sigma of a projected level",
         rows=[*error_rows(names), "|x|"],
         panels=[_largest(table, contestants) for table in tables],
@@ -158,10 +156,8 @@ def _path(
         case,
         contestants,
         kind="path",
-        title="Errors and size of the answer along the path",
-        caption="The first seed. Excess error in the unit of the task, pale where rounding alone explains it; |x| is the "
-        "size of the answer (of the joint velocity, where x is one); sigma is the distance to the singularity that this "
-        "solver's own motion kept.",
+        title=say("chart_path"),
+        caption=say("caption_path"),
         x_label=scenario.abscissa,
         rows=[*error_rows(names), "|x|", "sigma"],
         panels=[curves(table, contestants) for table in tables],
@@ -182,8 +178,8 @@ def _measured(scenario: Scenario, case: str, contestants: Sequence[Contestant], 
         case,
         contestants,
         kind="measured",
-        title="What the simulation measured along the path",
-        caption="The first seed, in the units that the labels name.",
+        title=say("chart_measured"),
+        caption=say("caption_measured"),
         x_label=scenario.abscissa,
         rows=[broken(name) for name in names],
         panels=[curves(table, contestants) for table in tables],
@@ -206,9 +202,8 @@ def _parting(scenario: Scenario, contestants: Sequence[Contestant], steps: pl.Da
     name = type(scenario).name
     return Dots(
         name=slug(name, "parting"),
-        title="Where each solver leaves the lexicographic optimum",
-        caption=f"The first step of the path whose |x - x*| / |x*| exceeds {PARTING:g}: a small dot for each seed, a large "
-        "one for their median; further right is better. Steps on which the rank itself is ambiguous are not counted.",
+        title=say("chart_parting"),
+        caption=say("caption_parting", parting=PARTING),
         x_label=scenario.abscissa,
         columns=tuple(case or words(name) for case in cases),
         groups=tuple((group, tuple(labels)) for group, labels in grouped(contestants)),

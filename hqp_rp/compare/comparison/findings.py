@@ -9,8 +9,10 @@ from hqp_rp.compare.comparison.record import ComparisonResult
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.limits.findings import limits_answer
 from hqp_rp.compare.measure.cases import BOUNDED, CLEAR, PARTING, Case, Outcome
-from hqp_rp.compare.report.words import counted, listing, number, share
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.core.damping import NoDamping
+
+say = Sentences(__file__)
 
 
 def answer_of_comparison(comparison: ComparisonResult) -> tuple[str, ...]:
@@ -26,13 +28,13 @@ def answer(cases: Sequence[Case]) -> tuple[str, ...]:
     """The question's answer in a few sentences, over all cases."""
     measured = [case for case in cases if any(outcome.distance is not None for outcome in case.outcomes)]
     if not measured:
-        return ("No solver returned an answer that could be measured.",)
+        return (say("nobody_answered"),)
     sentences = [
-        _closest(measured),
-        _both(measured),
-        _lost(measured),
+        say("exact", found=exact_everywhere(measured), within=PARTING, clear=CLEAR),
+        say("safe", found=safe_everywhere(measured), times=BOUNDED),
+        say("level_1_lost", found=losers_of_level_1(measured)),
         claims_summary(claims(measured)),
-        _honesty(measured),
+        say("honesty", refuted=_refuted(measured)),
     ]
     return tuple(sentence for sentence in sentences if sentence)
 
@@ -73,53 +75,14 @@ def losers_of_level_1(cases: Sequence[Case]) -> list[tuple[str, float]]:
     return sorted(worst.items(), key=lambda item: -item[1])
 
 
-def _closest(cases: Sequence[Case]) -> str:
-    found = exact_everywhere(cases)
-    if not found:
-        return (
-            f"Accuracy: no solver stayed within {number(PARTING)} of the lexicographic optimum in every case, even where "
-            f"every sigma was at least {number(CLEAR)}."
-        )
-    return (
-        f"Accuracy: {listing(found)} {_verb(found, 'stays', 'stay')} within {number(PARTING)} of the lexicographic optimum "
-        f"in every case {_verb(found, 'it takes', 'they take')}, at every distance of at least {number(CLEAR)} from the "
-        "singularity."
-    )
-
-
-def _both(cases: Sequence[Case]) -> str:
-    found = safe_everywhere(cases)
-    if not found:
-        return f"No solver kept level 1 and |x| within {BOUNDED:g} times what is needed far from the singularity in every case."
-    return (
-        f"Through the singularity: {listing(found)} {_verb(found, 'keeps', 'keep')} level 1 to rounding error and |x| "
-        f"within {BOUNDED:g} times what is needed far from the singularity, in every case "
-        f"{_verb(found, 'it takes', 'they take')}; what it costs is level 2."
-    )
-
-
-def _lost(cases: Sequence[Case]) -> str:
-    """Who loses level 1, worst first, with the figure."""
-    worst = losers_of_level_1(cases)
-    if not worst:
-        return "Level 1 was kept to rounding error by every solver that answered."
-    named = [f"{label} ({number(value)})" for label, value in worst]
-    return f"Level 1 is lost somewhere by {listing(named)}: the largest excess error, in the unit of the task."
-
-
-def _honesty(cases: Sequence[Case]) -> str:
+def _refuted(cases: Sequence[Case]) -> list[tuple[str, int]]:
+    """(label, steps) that were called SOLVED by a method which claims to be lexicographic, and refuted."""
     false: dict[str, int] = {}
     for case in cases:
         for outcome in case.outcomes:
             if outcome.false_claims:
                 false[outcome.label] = false.get(outcome.label, 0) + outcome.false_claims
-    if not false:
-        return (
-            "Statuses were honest: the certificate confirmed every step that a method which claims to be lexicographic "
-            "called SOLVED."
-        )
-    named = [f"{label} on {counted(count, 'step')}" for label, count in false.items()]
-    return f"The certificate refuted SOLVED, from a method that claims to be lexicographic there, by {listing(named)}."
+    return list(false.items())
 
 
 def case_sentences(case: Case) -> tuple[str, ...]:
@@ -130,71 +93,56 @@ def case_sentences(case: Case) -> tuple[str, ...]:
         _growth(case),
     ]
     if case.ambiguous:
-        sentences.append(
-            f"On {share(case.ambiguous)} of the steps the rank itself is ambiguous; these are not counted."
-        )
+        sentences.append(say("ambiguous", part=case.ambiguous))
     return tuple(sentence for sentence in sentences if sentence)
 
 
 def _order_of_leaving(case: Case) -> list[str]:
     seen = [outcome for outcome in case.outcomes if outcome.distance is not None]
     stayed = [outcome.label for outcome in seen if not outcome.parted]
-    sentences = [f"Never more than {number(PARTING)} from the optimum: {listing(stayed)}."] if stayed else []
-    left = [outcome for outcome in seen if outcome.parts_at is not None]
-    if case.scenario.log_abscissa and left:
-        places = sorted({outcome.parts_at or 0.0 for outcome in left})
-        last, first = places[0], places[-1]
-        long = [outcome for outcome in left if (outcome.parts_at or 0.0) <= 10.0 * last and outcome.parts_at != first]
-        between = [outcome for outcome in left if outcome not in long and outcome.parts_at != first]
-        at_once = [outcome.label for outcome in left if outcome.parts_at == first]
-        if long:
-            names = listing([outcome.label for outcome in long])
-            sentences.append(
-                f"Longest at the optimum, to distances of {number(last)} to {number(10.0 * last)}: {names}."
-            )
-        if between:
-            ordered = sorted(between, key=lambda outcome: outcome.parts_at or 0.0)
-            named = listing([f"{outcome.label} ({number(outcome.parts_at)})" for outcome in ordered])
-            sentences.append(f"They leave it before: {named}.")
-        sentences.append(f"Away from it from {number(first)} on: {listing(at_once)}.")
+    left = [(outcome.label, outcome.parts_at) for outcome in seen if outcome.parts_at is not None]
+    sentences = [say("never_left", found=stayed, within=PARTING)] if stayed else []
+    if left and case.scenario.log_abscissa:
+        sentences += _places_of_leaving(left)
     elif left:
-        ordered = sorted(left, key=lambda outcome: -(outcome.within or 0.0))
-        named = listing([f"{outcome.label} ({share(outcome.within)})" for outcome in ordered])
-        sentences.append(f"Share of the steps within {number(PARTING)} of the optimum: {named}.")
+        shares = [(outcome.label, outcome.within) for outcome in seen if outcome.parts_at is not None]
+        shares.sort(key=lambda item: -(item[1] or 0.0))
+        sentences.append(say("shares_within", found=shares, within=PARTING))
     return sentences
+
+
+def _places_of_leaving(left: Sequence[tuple[str, float]]) -> list[str]:
+    """Of (label, distance at which it leaves the optimum): who within ten times of the last, who before, who at once."""
+    places = [place for _, place in left]
+    last, first = min(places), max(places)
+    long = [label for label, place in left if place <= 10.0 * last and place < first]
+    between = [(label, place) for label, place in left if 10.0 * last < place < first]
+    sentences = [say("left_last", found=long, last=last)] if long else []
+    if between:
+        sentences.append(say("left_before", found=sorted(between, key=lambda item: item[1])))
+    at_once = [label for label, place in left if place == first]
+    return [*sentences, say("left_first", found=at_once, first=first)]
 
 
 def _levels_kept(case: Case) -> str:
     kept = [outcome.label for outcome in case.outcomes if outcome.keeps(1)]
-    if not kept:
-        return "No solver kept level 1 to rounding error at every step."
-    if len(kept) == len([outcome for outcome in case.outcomes if outcome.distance is not None]):
-        return "Every solver kept level 1 to rounding error at every step."
-    return f"Level 1 kept to rounding error at every step: {listing(kept)}."
+    answered = [outcome for outcome in case.outcomes if outcome.distance is not None]
+    return say("level_1_kept", found=kept, everyone=len(kept) == len(answered))
 
 
 def _growth(case: Case) -> str:
-    grown = sorted(
-        (outcome for outcome in case.outcomes if outcome.x_max is not None and not case.bounded(outcome)),
-        key=lambda outcome: -(outcome.x_max or 0.0),
-    )
     if not case.far_norm:
         return ""
-    if not grown:
-        return (
-            f"|x| stayed within {BOUNDED:g} times what is needed far from the singularity ({number(case.far_norm)}) with "
-            "every solver."
-        )
-    named = [f"{outcome.label} ({number(outcome.x_max)})" for outcome in grown]
-    return (
-        f"|x| grew beyond {BOUNDED:g} times what is needed far from the singularity ({number(case.far_norm)}) with "
-        f"{listing(named)}."
-    )
+    sizes = [(o.label, o.x_max) for o in case.outcomes if o.x_max is not None and not case.bounded(o)]
+    return say("growth", grown=sorted(sizes, key=lambda item: -item[1]), times=BOUNDED, needed=case.far_norm)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether one claim of the paper held in one case: `holds` in a word or two, `evidence` with the figures."""
+    """Whether one claim of the paper held in one case: `holds` in a word or two, `evidence` with the figures.
+
+    `claim` is one of `SAME`, `UNDISTURBED`, `FREE`, `DAMPED`, which `claim_sentence` spells.
+    """
 
     claim: str
     case: str
@@ -202,10 +150,12 @@ class Verdict:
     evidence: str
 
 
-SAME = "Undamped, it gives the answer of task priority (the lexicographic optimum)"
-UNDISTURBED = "Lower levels do not disturb level 1"
-FREE = "It has no algorithmic singularity: |x| stays bounded without damping"
-DAMPED = "Damped, it passes the singularity with level 1 exact"
+SAME, UNDISTURBED, FREE, DAMPED = "same answer", "undisturbed", "singularity-free", "damped"
+
+
+def claim_sentence(claim: str) -> str:
+    """The claim in words."""
+    return say("claim", which=claim)
 
 
 def claims(cases: Sequence[Case]) -> tuple[Verdict, ...]:
@@ -224,20 +174,11 @@ def claims(cases: Sequence[Case]) -> tuple[Verdict, ...]:
 
 def claims_summary(verdicts: Sequence[Verdict]) -> str:
     """One sentence on the claims: in how many cases each held."""
-    parts = []
+    judged = []
     for claim in dict.fromkeys(verdict.claim for verdict in verdicts if verdict.claim != DAMPED):
         of_claim = [verdict for verdict in verdicts if verdict.claim == claim and verdict.holds != "-"]
-        held = [verdict for verdict in of_claim if verdict.holds == "yes"]
-        words = f"{claim[0].lower()}{claim[1:]}"
-        if not of_claim:
-            parts.append(f"'{words}' could not be judged")
-        elif len(held) == len(of_claim):
-            parts.append(f"'{words}' holds in every case")
-        elif held:
-            parts.append(f"'{words}' holds in {len(held)} of {len(of_claim)} cases ({'; '.join(v.case for v in held)})")
-        else:
-            parts.append(f"'{words}' holds in no case")
-    return f"Of what the paper claims for reverse priority, {listing(parts)}." if parts else ""
+        judged.append((claim, len(of_claim), [verdict.case for verdict in of_claim if verdict.holds == "yes"]))
+    return say("claims_summary", claims=judged) if judged else ""
 
 
 def is_reverse(contestant: Contestant) -> bool:
@@ -269,16 +210,19 @@ def _same_answer(case: Case, plain: Outcome) -> tuple[str, str] | None:
     ]
     if plain.clear_distance is None:
         return None
-    evidence = f"where sigma >= {number(CLEAR)} it is at most {number(plain.clear_distance)} |x*| from the optimum"
-    if others:
-        evidence += f", null space and QP cascades at most {number(max(others))}"
-    if plain.clear_distance > PARTING and len(plain.excess) > 1:
-        evidence += f"; up to {number(plain.excess[1])} of level 2's residual could be avoided"
-    return ("yes" if plain.clear_distance <= PARTING else "no"), evidence
+    holds = plain.clear_distance <= PARTING
+    evidence = say(
+        "same_answer",
+        clear=CLEAR,
+        distance=plain.clear_distance,
+        others=max(others, default=None),
+        avoidable=plain.excess[1] if not holds and len(plain.excess) > 1 else None,
+    )
+    return ("yes" if holds else "no"), evidence
 
 
 def _undisturbed(case: Case, plain: Outcome) -> tuple[str, str] | None:
-    evidence = f"excess of level 1 at most {number(plain.excess[0])} (relative {number(plain.relative_excess[0])})"
+    evidence = say("undisturbed", excess=plain.excess[0], relative=plain.relative_excess[0])
     return ("yes" if plain.keeps(1) else "no"), evidence
 
 
@@ -286,9 +230,7 @@ def _singularity_free(case: Case, plain: Outcome) -> tuple[str, str] | None:
     growth, classic = case.growth(plain), _one(case, is_null_space)
     if growth is None:
         return None
-    evidence = f"|x| at most {number(growth)} times the largest |x*| far from the singularity"
-    if classic is not None:
-        evidence += f"; null space: {number(case.growth(classic))} times"
+    evidence = say("singularity_free", times=growth, null_space=None if classic is None else case.growth(classic))
     return ("yes" if case.bounded(plain) else "no"), evidence
 
 
@@ -299,13 +241,7 @@ def _damped(case: Case) -> list[tuple[str, str]]:
         if not damped or outcome.distance is None or not case.far_norm:
             continue
         holds = outcome.keeps(1) and case.bounded(outcome)
-        evidence = (
-            f"{outcome.label}: excess of level 1 at most {number(outcome.excess[0])}, of level 2 "
-            f"{number(outcome.excess[1])}, |x| {number(case.growth(outcome))} times"
-        )
+        level_1, level_2 = outcome.excess[:2]
+        evidence = say("damped", label=outcome.label, level_1=level_1, level_2=level_2, times=case.growth(outcome))
         found.append(("yes" if holds else "no", evidence))
     return found
-
-
-def _verb(names: Sequence[str], one: str, many: str) -> str:
-    return one if len(names) == 1 else many

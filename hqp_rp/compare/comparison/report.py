@@ -5,7 +5,13 @@ from __future__ import annotations
 import polars as pl
 
 from hqp_rp.compare.comparison.figures import scenario_charts
-from hqp_rp.compare.comparison.findings import Verdict, answer_of_comparison, case_sentences, claims
+from hqp_rp.compare.comparison.findings import (
+    Verdict,
+    answer_of_comparison,
+    case_sentences,
+    claim_sentence,
+    claims,
+)
 from hqp_rp.compare.comparison.opening import opening_of_comparison
 from hqp_rp.compare.comparison.record import ComparisonResult
 from hqp_rp.compare.comparison.thresholds import fragile_sentences
@@ -17,19 +23,12 @@ from hqp_rp.compare.limits.tables import limit_tables
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.measure.cases import BOUNDED, KEPT, PARTING, Case
 from hqp_rp.compare.report.report import Report, Section, Table
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.report.words import number, share
 from hqp_rp.core.solution import Status
 from hqp_rp.scenarios.scenario import Scenario
 
-QUESTION = "Which prioritized solver is accurate near algorithmic singularities?"
-LIMITS_QUESTION = "Which prioritized solver keeps a robot's limits, and what does each level pay?"
-
-_CANNOT_TELL = (
-    "Excess errors are found in double precision: what rounding alone can explain is drawn pale and not held against a solver.",
-    "An answer at the rank tolerance is a matter of convention; steps whose rank is ambiguous are drawn but not counted.",
-    "Solve times are taken from Python, one thread each, with as many processes at work as there are cores: compare them with "
-    "each other, and only when they differ by more than a factor of two.",
-)
+say = Sentences(__file__)
 
 
 def comparison_report(comparison: ComparisonResult) -> Report:
@@ -43,18 +42,18 @@ def comparison_report(comparison: ComparisonResult) -> Report:
     ]
     opening = opening_of_comparison(comparison, sections)
     if verdicts:
-        sections.append(Section("What the paper on reverse priority claims", tables=(_claims(verdicts),)))
+        sections.append(Section(say("heading_claims"), tables=(_claims(verdicts),)))
     if cases:
-        sections.append(Section("What hangs on a threshold", fragile_sentences(cases), listed=True))
+        sections.append(Section(say("heading_thresholds"), fragile_sentences(cases), listed=True))
     sections += [
         Section("Tables", tables=_tables(comparison) + tuple(_statuses(comparison))),
-        Section("Times", (_CANNOT_TELL[-1],), tables=(_times(comparison.cases),)),
+        Section("Times", (say("cannot_tell_times"),), tables=(_times(comparison.cases),)),
         Section("Settings", tables=(_contestants(comparison), _scenarios(comparison), _versions())),
     ]
     labels = [names for _, names in grouped(comparison.contestants)]
-    questions = [QUESTION] if cases or not comparison.limits else []
-    question = " ".join(questions + ([LIMITS_QUESTION] if comparison.limits else []))
-    return Report("hqp_rp: prioritized solvers side by side", question, tuple(sections), styles(labels), opening)
+    limits = bool(comparison.limits)
+    question = say("question", singularities=bool(cases) or not limits, limits=limits)
+    return Report(say("title"), question, tuple(sections), styles(labels), opening)
 
 
 def _tables(comparison: ComparisonResult) -> tuple[Table, ...]:
@@ -68,7 +67,8 @@ def _limits(comparison: ComparisonResult) -> tuple[str, ...]:
         for scenario in comparison.scenarios
         for sentence in scenario.cannot_tell
     ]
-    return (*comparison.left_out, *own, *_CANNOT_TELL)
+    every = (say("cannot_tell_rounding"), say("cannot_tell_rank"), say("cannot_tell_times"))
+    return (*comparison.left_out, *own, *every)
 
 
 def _words(name: str) -> str:
@@ -100,12 +100,12 @@ def _figures(scenario: Scenario, comparison: ComparisonResult) -> Section:
 
 
 def _claims(verdicts: tuple[Verdict, ...]) -> Table:
-    rows = tuple((verdict.claim, verdict.case, verdict.holds, verdict.evidence) for verdict in verdicts)
+    rows = tuple((claim_sentence(verdict.claim), verdict.case, verdict.holds, verdict.evidence) for verdict in verdicts)
     return Table(
-        "Each claim in each case",
+        say("table_claims"),
         ("claim", "case", "holds", "evidence"),
         rows,
-        f"Exact means no more excess than rounding explains (relative {number(KEPT)}); bounded means within {BOUNDED:g} times.",
+        say("caption_claims", kept=KEPT, bounded=BOUNDED),
         text=frozenset(range(4)),
     )
 
@@ -138,15 +138,17 @@ def _outcomes(case: Case) -> Table:
                 number(outcome.variation),
             )
         )
-    methods = "; ".join(case.reference)
     return Table(
         _capital(case.title),
         header,
         tuple(rows),
-        f"Distance is |x - x*| / |x*|; leaves at: {case.scenario.abscissa} of the first step beyond {number(PARTING)}, median "
-        "of the seeds; excess: the largest part of a level's residual that the levels before it would have allowed to avoid, "
-        f"in the level's unit. The optimum x* by {methods}. Steps whose rank is ambiguous ({share(case.ambiguous)}) do not "
-        "count in distances and excesses.",
+        say(
+            "caption_outcomes",
+            abscissa=case.scenario.abscissa,
+            parting=PARTING,
+            methods=case.reference,
+            part=case.ambiguous,
+        ),
     )
 
 
@@ -165,7 +167,7 @@ def _statuses(comparison: ComparisonResult) -> list[Table]:
         for row in frame.iter_rows(named=True)
     )  # fmt: skip
     header = ("scenario", "case", "solver", "status", "steps", "in its own words (first step)")
-    return [Table("Where a status was not SOLVED", header, rows, text=frozenset({0, 1, 2, 3, 5}))]
+    return [Table(say("table_statuses"), header, rows, text=frozenset({0, 1, 2, 3, 5}))]
 
 
 def _times(cases: tuple[Case, ...]) -> Table:
@@ -176,10 +178,10 @@ def _times(cases: tuple[Case, ...]) -> Table:
         found = [outcomes[label] for outcomes in by_case]
         rows.append((label, *(f"{1e6 * o.time_p50:.0f} / {1e6 * o.time_p99:.0f}" if o.steps else "-" for o in found)))
     return Table(
-        "Microseconds for one solve: half of the steps / 99 % of the steps take no longer",
+        say("table_times"),
         ("solver", *(case.title for case in cases)),
         tuple(rows),
-        "Loading is not part of it: everything is loaded before.",
+        say("caption_times"),
     )
 
 

@@ -6,7 +6,9 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 
 from hqp_rp.compare.measure.cases import BOUNDED, CLEAR, FAR, KEPT, MOVED, PARTING, Case, Outcome
-from hqp_rp.compare.report.words import listing, number
+from hqp_rp.compare.report.sentences import Sentences
+
+say = Sentences(__file__)
 
 KEEPS, BOUND, EXACT = "level 1 is kept", "|x| is bounded", "the answer is exact"
 QUESTIONS = (KEEPS, BOUND, EXACT)
@@ -62,22 +64,16 @@ def _moved(
 
 def fragile_sentences(cases: Sequence[Case]) -> tuple[str, ...]:
     """What the thresholds are, and for each question and threshold who hangs on it."""
-    stated = (
-        f"Thresholds: level 1 is kept up to a relative excess of {number(KEPT)} (KEPT); |x| is bounded up to {BOUNDED:g} times "
-        f"what is needed far from the singularity (BOUNDED), far being {FAR:g} of the largest distance (FAR); an answer is "
-        f"exact within {number(PARTING)} of the optimum (PARTING) where every sigma is at least {number(CLEAR)} (CLEAR). "
-        f"Each was moved down and up by a factor of {MOVED:g}."
-    )
-    groups: dict[tuple[str, bool, str], list[str]] = {}
+    stated = say("thresholds", kept=KEPT, bounded=BOUNDED, far=FAR, parting=PARTING, clear=CLEAR, moved=MOVED)
+    groups: dict[tuple[str, bool, str], list[Fragile]] = {}
     for item in fragile(cases):
-        named = f"{item.label} in {item.case} ({number(item.value)} against {number(item.limit)})"
-        groups.setdefault((item.question, item.holds, item.threshold), []).append(named)
+        groups.setdefault((item.question, item.holds, item.threshold), []).append(item)
     if not groups:
-        return (stated, "No verdict changes.")
+        return (stated, say("nothing_hangs"))
     return (
         stated,
         *(
-            f'"{question}", here {"yes" if holds else "no"}, hangs on {threshold} for {listing(labels)}.'
-            for (question, holds, threshold), labels in groups.items()
+            say("hangs", question=question, holds=holds, threshold=threshold, found=found)
+            for (question, holds, threshold), found in groups.items()
         ),
     )

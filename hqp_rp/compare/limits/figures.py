@@ -22,11 +22,13 @@ from hqp_rp.compare.figures.panels import (
     wide,
 )
 from hqp_rp.compare.limits.cases import CHANGE, COUNTS, LimitCase, quantities
+from hqp_rp.compare.report.sentences import Sentences
 
 _LEFT = "position limit violation left [rad]"
 _ALL = "position limit violation [rad]"
 _DISTANCE = "smallest distance [m]"
-_OVERLAP = "Curves that lie on each other are drawn wide under narrow."
+
+say = Sentences(__file__)
 
 
 def limit_charts(
@@ -74,11 +76,8 @@ def _largest(case: LimitCase, contestants: Sequence[Contestant], measured: pl.Da
     groups = [(group, tuple(label for label in labels if label in answered)) for group, labels in grouped(contestants)]
     return Dots(
         name=_slug(case, "violations"),
-        title=f"Largest violation of each kind of limit ({case.case.title})",
-        caption=f"A small dot for each seed, a large one for their median; further right is better. Kept: never exceeded by "
-        f"more than {COUNTS:g}. A position outside the limits at the start does not count until it grows. "
-        + ("" if case.told else "Nobody was told of these limits in this case.")
-        + _refused(case),
+        title=say("chart_largest", case=case.case.title),
+        caption=say("caption_largest", counts=COUNTS, told=case.told, refused=_refused(case)),
         x_label="largest violation, in the unit of the column",
         columns=tuple(known[kind] for kind in kinds),
         groups=tuple((group, labels) for group, labels in groups if labels),
@@ -100,9 +99,13 @@ def _over_time(
         contestants,
         kind="limits-over-time",
         title="Limits over time",
-        caption=f"The first seed; at every step the largest of all joints or pairs, drawn at {VIOLATION_FLOOR:g} where it is "
-        f"less. What lies below {COUNTS:g} is tolerance or rounding; kinds of limit that everyone kept are left out. "
-        f"{_margin(case)}{_OVERLAP} {_refused(case)}".rstrip(),
+        caption=say(
+            "caption_over_time",
+            floor=VIOLATION_FLOOR,
+            counts=COUNTS,
+            margin=getattr(case.case.scenario, "margin", None),
+            refused=_refused(case),
+        ),
         x_label=case.case.scenario.abscissa,
         rows=[broken(name.replace(" added", "")) for name in shown],
         panels=[curves(_quantity(measured, name), contestants) for name in shown],
@@ -121,9 +124,8 @@ def _errors(case: LimitCase, contestants: Sequence[Contestant], measured: pl.Dat
         case.case.name,
         contestants,
         kind="errors-over-time",
-        title="What each level misses its reference by",
-        caption="The first seed, most important task first; the speed is the norm of what the solver asks for, 0 where it "
-        f"has no answer; the velocity change is that of the joint that changes most in a step. {_OVERLAP}",
+        title=say("chart_errors"),
+        caption=say("caption_errors_over_time"),
         x_label=case.case.scenario.abscissa,
         rows=[broken(name) for name in shown],
         panels=[curves(table, contestants) for table in tables],
@@ -146,10 +148,8 @@ def _room(case: LimitCase, contestants: Sequence[Contestant], levels: pl.DataFra
         case.case.name,
         contestants,
         kind="room-over-time",
-        title="What each level leaves unused",
-        caption="The first seed. Excess error: the part of a level's residual that points where the limits reached and the "
-        "levels before it leave room, at the problem that this solver's own motion led to; 0 at the optimum, drawn at "
-        f"{ERROR_FLOOR:g}; pale where rounding alone explains it. {_OVERLAP}",
+        title=say("chart_room"),
+        caption=say("caption_room", floor=ERROR_FLOOR),
         x_label=case.case.scenario.abscissa,
         rows=error_rows(names),
         panels=[curves(table, contestants) for table in tables],
@@ -166,9 +166,8 @@ def _way_back(case: LimitCase, contestants: Sequence[Contestant], measured: pl.D
         case.case.name,
         contestants,
         kind="way-back",
-        title="The way back of a start outside the limits",
-        caption=f"Seed {seed}, whose start is outside a position limit: how far outside the joint farthest out still is, and "
-        f"what the way back costs in velocity and acceleration limits, until some time after all are inside. {_OVERLAP}",
+        title=say("chart_way_back"),
+        caption=say("caption_way_back", seed=seed),
         x_label=case.case.scenario.abscissa,
         rows=[broken(name) for name in shown],
         panels=[curves(_quantity(measured, name), contestants) for name in shown],
@@ -181,14 +180,8 @@ def _quantity(measured: pl.DataFrame, name: str) -> pl.DataFrame:
     return measured.filter(pl.col("quantity") == name).select("contestant", "parameter", pl.col("value").alias("y"))
 
 
-def _refused(case: LimitCase) -> str:
-    refused = [outcome.label for outcome in case.outcomes if not outcome.answered]
-    return f"Not drawn, because they refused the problem: {', '.join(refused)}." if refused else ""
-
-
-def _margin(case: LimitCase) -> str:
-    margin = getattr(case.case.scenario, "margin", None)
-    return "" if margin is None else f"The distance to keep is {margin:g} m. "
+def _refused(case: LimitCase) -> list[str]:
+    return [outcome.label for outcome in case.outcomes if not outcome.answered]
 
 
 def _slug(case: LimitCase, kind: str) -> str:

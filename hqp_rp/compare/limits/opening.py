@@ -6,7 +6,10 @@ from collections.abc import Sequence
 
 from hqp_rp.compare.limits.cases import LimitCase
 from hqp_rp.compare.report.opening import advised
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.report.words import listing, number
+
+say = Sentences(__file__)
 
 
 def limits_advice(limits: Sequence[LimitCase]) -> list[tuple[str, str]]:
@@ -20,12 +23,12 @@ def limits_advice(limits: Sequence[LimitCase]) -> list[tuple[str, str]]:
             open_room[own.label] = open_room.get(own.label, False) or own.wasteful
     kept = [label for label, held in took.items() if all(held) and len(held) == len(told)]
     full = [label for label in kept if not open_room[label]]
-    advice = [("Limits kept at every step, and no level served less than they allow", advised(full))]
+    advice = [(say("need_all"), advised(full))]
     if len(kept) > len(full):
-        advice.append(("Limits kept, some level left short", listing([label for label in kept if label not in full])))
+        advice.append((say("need_limits"), listing([label for label in kept if label not in full])))
     broke = [label for label, held in took.items() if not all(held)]
     if broke:
-        advice.append(("Broke a limit that was in the problem", listing(broke)))
+        advice.append((say("need_another"), listing(broke)))
     return advice
 
 
@@ -43,14 +46,11 @@ def limits_numbers(limits: Sequence[LimitCase]) -> list[tuple[str, str]]:
         default=None,
     )
     if worst is not None and worst[0] > 0.0:
-        found.append(
-            (f"{number(worst[0])} {worst[1]}", f"the most by which a limit ({worst[2]}) was passed, by {worst[3]}")
-        )
+        most, unit, kind, label = worst
+        found.append((f"{number(most)} {unit}", say("figure_violation", kind=kind, label=label)))
     changes = [(o.changes[2], o.label) for case in limits for o in case.answered if o.changes is not None]
     if changes:
-        for pick, words in ((max, "largest"), (min, "smallest")):
+        for pick in (max, min):
             value, label = pick(changes)
-            found.append(
-                (f"{number(value)} rad/s", f"the {words} peak of a step's change of joint velocities, by {label}")
-            )
+            found.append((f"{number(value)} rad/s", say("figure_change", largest=pick is max, label=label)))
     return found

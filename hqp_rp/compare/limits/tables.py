@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from hqp_rp.compare.limits.cases import COUNTS, LimitCase, LimitOutcome
 from hqp_rp.compare.report.report import Table
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.report.words import number, share
 from hqp_rp.core.solution import Status
+
+say = Sentences(__file__)
 
 
 def limit_tables(case: LimitCase) -> tuple[Table, ...]:
@@ -34,24 +37,11 @@ def _violations(case: LimitCase) -> Table:
         if back:
             row.append("-" if not outcome.answered else "never" if outcome.back is None else number(outcome.back))
         rows.append(tuple(row))
-    told = (
-        ""
-        if case.told
-        else "The problem of this case holds no limit: the table shows what is broken by those not told. "
-    )
-    start = (
-        f"Some seeds start outside a position limit: what is there at the start does not count while it shrinks, and 'back "
-        f"inside' is when the last of them was within {number(COUNTS)} again. "
-        if back
-        else ""
-    )
     return Table(
-        f"{_title(case)}: who violated what, by how much, for how long",
+        say("table_violations", case=_title(case)),
         tuple(header),
         tuple(rows),
-        f"{told}Largest over all steps, joints and seeds; for: mean of the seeds, of {number(case.duration)} s; from: "
-        f"earliest of the seeds. Kept: never exceeded by more than {number(COUNTS)}. {start}Commands beyond a velocity limit "
-        "are clipped by the servos; without an answer the joints brake.",
+        say("caption_violations", told=case.told, outside=back, duration=case.duration, counts=COUNTS),
         text=frozenset({0, 1}),
     )
 
@@ -79,17 +69,10 @@ def _errors(case: LimitCase) -> Table:
         for outcome in case.answered
     )
     return Table(
-        f"{_title(case)}: what each level paid",
+        say("table_errors", case=_title(case)),
         header,
         rows,
-        "Error of each level's task: root mean square over the run / largest / at the end, over all seeds. The most important "
-        "task stands first. Measured from outside, on the motion that each solver made."
-        + (
-            " Velocity change: of the joint that changes most from one step to the next, median / 99th percentile / largest "
-            "of all steps."
-            if shaken
-            else ""
-        ),
+        say("caption_errors", changes=shaken),
     )
 
 
@@ -104,14 +87,10 @@ def _denied(case: LimitCase) -> Table:
         for outcome in case.answered
     )
     return Table(
-        f"{_title(case)}: what each level was denied / at the exact optimum / room left unused",
+        say("table_denied", case=_title(case)),
         header,
         rows,
-        "Root mean square of the level's residual in the unit of its rates / the same of the exact optimum x* of the problems "
-        "that this solver met / the largest part of a residual that points where the limits reached and the levels before it "
-        "leave room, less what rounding explains: 0 is the optimum given the levels before, and what could have been avoided "
-        f"is at most the figure. x* by {'; '.join(case.case.reference)}. Steps whose rank is ambiguous "
-        f"({share(case.case.ambiguous)}) do not count in the room left, nor in the distance to x*.",
+        say("caption_denied", methods=case.case.reference, part=case.case.ambiguous),
     )
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hqp_rp.compare.report.report import Section
-from hqp_rp.compare.report.words import listing, number
+from hqp_rp.compare.report.sentences import Sentences
 
-NOBODY = "no solver here: see the tables for who comes near"
+say = Sentences(__file__)
 _SHOWN = 3
 
 
@@ -24,11 +24,9 @@ def first_chart(sections: Sequence[Section]) -> str:
 
 def advised(labels: Sequence[str]) -> str:
     """The solvers that answer a need, or that none does."""
-    return listing(labels) or NOBODY
+    return say("advised", found=labels)
 
 
 def advised_against(found: Sequence[tuple[str, float]]) -> str:
     """The first few solvers to avoid, each with the figure that speaks against it."""
-    more = len(found) - _SHOWN
-    names = listing([f"{label} ({number(value)})" for label, value in found[:_SHOWN]])
-    return f"{names}{f' and {more} more' if more > 0 else ''}"
+    return say("advised_against", found=found[:_SHOWN], more=max(len(found) - _SHOWN, 0))

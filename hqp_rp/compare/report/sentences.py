@@ -11,12 +11,14 @@ from hqp_rp.core.extras import require
 
 
 class Sentences:
-    """The sentences of one template: `say("closest", found=labels)` gives the sentence of that name, filled.
+    """The sentences of one template: `say("advised", found=labels)` gives the sentence of that name, filled.
 
     The template holds one Jinja macro for each sentence and nothing else; its arguments are figures and names, never
     ready English. Filters spell them as every report does: `number`, `share`, `counted("step")`, `listing`, and
-    `verb("stays", "stay")` agrees with how many names there are. Line breaks of the template are single spaces in the
-    sentence. An unknown sentence or an argument that is missing or too many is an error.
+    `verb("stays", "stay")` agrees with how many names there are. In a loop, `loop | between` stands behind each item: a
+    comma, "and" before the last one, nothing behind it; `loop | between("; ")` has that mark instead. A macro whose name
+    begins with _ is a part of others, and no sentence. Line breaks of the template are single spaces in the sentence. An
+    unknown sentence or an argument that is missing or too many is an error.
     """
 
     def __init__(self, file: str, name: str = "sentences.j2") -> None:
@@ -50,7 +52,9 @@ def _macros(path: pathlib.Path) -> dict[str, Any]:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "share": share, "counted": counted, "listing": listing, "verb": _verb}
+    environment.filters |= {
+        "number": number, "share": share, "counted": counted, "listing": listing, "verb": _verb, "between": _between,
+    }  # fmt: skip
     module = environment.get_template(path.name).make_module()
     return {name: macro for name, macro in vars(module).items() if isinstance(macro, jinja2.runtime.Macro)}
 
@@ -59,3 +63,10 @@ def _verb(names: Any, one: str, many: str) -> str:
     """The form of a verb for so many names, or for a count."""
     count = names if isinstance(names, int) else len(names)
     return one if count == 1 else many
+
+
+def _between(loop: Any, mark: str = "") -> str:
+    """What stands between this item of a loop and the next: `mark`, or without one what `listing` has there."""
+    if loop.last:
+        return ""
+    return mark or (" and " if loop.revindex == 2 else ", ")

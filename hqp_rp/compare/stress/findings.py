@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,38 +21,42 @@ from hqp_rp.compare.comparison.findings import (
 )
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.measure.cases import BOUNDED, CLEAR, KEPT, PARTING
-from hqp_rp.compare.report.words import counted, listing, number, share
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.stress.plan import KINDS, LIMITS, RANDOM
 from hqp_rp.compare.stress.record import StressResult
 from hqp_rp.compare.stress.summary import Case, Summary, largest, quantile, sigma_of_bins
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.solution import Status
 
+say = Sentences(__file__)
+
 FAR_FROM = 0.03
 """What |x| is compared with: the largest |x*| on the paths where sigma is at least this."""
+EARLY = 0.05
+"""Who has left the optimum where sigma is at least this was never at it."""
 
 
 def answer(test: StressResult) -> tuple[str, ...]:
     """The whole in a few sentences."""
     summary = test.summary
     sentences = [_atlas(test), _anywhere(summary), *(_approach(summary, c) for c in range(len(summary.cases)))]
-    sentences += [_both(summary), _jumps(summary), _summary_of(claims(test)), _honesty(summary)]
+    sentences += [_both(summary), _jumps(summary), claims_summary(claims(test)), _honesty(summary)]
     return tuple(sentence for sentence in sentences if sentence)
 
 
 def _atlas(test: StressResult) -> str:
     plan = test.plan
     if not test.catalogue:
-        return "The search found no singular configuration within the joint limits; every sample is drawn at random."
+        return say("no_atlas")
     approached = [(plan.places[i].level, plan.places[i].kind.name) for i in plan.order[: plan.paths]]
-    counts = [
-        f"{own} of {case.title}" for case in test.summary.cases if (own := approached.count((case.level, case.kind)))
-    ]
-    rest = len(test.catalogue) - len(plan.places)
-    beyond = f" {rest} more cannot be approached within the joint limits." if rest else ""
-    found, paths = counted(len(test.catalogue), "singular configuration"), counted(plan.paths, "path")
-    verb = "leads" if plan.paths == 1 else "lead"
-    return f"The search found {found}; {paths} {verb} to {listing(counts) or 'none of them'}.{beyond}"
+    leads = [(approached.count((case.level, case.kind)), case.title) for case in test.summary.cases]
+    return say(
+        "atlas",
+        found=len(test.catalogue),
+        paths=plan.paths,
+        leads=[(count, title) for count, title in leads if count],
+        beyond=len(test.catalogue) - len(plan.places),
+    )
 
 
 def _anywhere(summary: Summary) -> str:
@@ -59,15 +64,10 @@ def _anywhere(summary: Summary) -> str:
     judged = int(summary.judged[kinds].sum())
     if not judged:
         return ""
-    shares = summary.right[:, kinds].sum(axis=1) / judged
-    always = [label for label, part in zip(summary.labels, shares, strict=True) if part == 1.0]
-    mostly = [
-        f"{label} {share(float(part))}" for label, part in zip(summary.labels, shares, strict=True) if 0.5 <= part < 1.0
-    ]
-    verb = "is" if len(always) < 2 else "are"
-    words = f"At random and near the joint limits, {listing(always) or 'no solver'} {verb} within {number(PARTING)} of"
-    words += f" the optimum in all of {judged} judged samples"
-    return f"{words}; {listing(mostly)}." if mostly else f"{words}."
+    shares = [(label, float(right) / judged) for label, right in _each(summary, summary.right[:, kinds].sum(axis=1))]
+    always = [label for label, part in shares if part == 1.0]
+    mostly = [(label, part) for label, part in shares if 0.5 <= part < 1.0]
+    return say("anywhere", always=always, within=PARTING, judged=judged, mostly=mostly)
 
 
 def leaves(summary: Summary, c: int, k: int) -> float | None:
@@ -85,19 +85,15 @@ def _approach(summary: Summary, c: int) -> str:
     known = [(label, sigma) for label, sigma in found if sigma is not None]
     if not known:
         return ""
-    never = [label for label, sigma in known if math.isnan(sigma)]
-    late = sorted(((sigma, label) for label, sigma in known if not math.isnan(sigma) and sigma < 0.05))
-    early = [label for label, sigma in known if not math.isnan(sigma) and sigma >= 0.05]
-    parts = (
-        [
-            f"{listing(never)} never {'leaves' if len(never) == 1 else 'leave'} the optimum by more than {number(PARTING)}"
-        ]
-        if never
-        else []
+    late = [(label, sigma) for label, sigma in known if sigma < EARLY]
+    return say(
+        "approach",
+        title=summary.cases[c].title,
+        never=[label for label, sigma in known if math.isnan(sigma)],
+        late=sorted(late, key=lambda item: (item[1], item[0])),
+        early=[label for label, sigma in known if sigma >= EARLY],
+        within=PARTING,
     )
-    parts += [f"{label} leaves it at sigma = {number(sigma)}" for sigma, label in late]
-    parts += [f"{listing(early)} {'is' if len(early) == 1 else 'are'} away from it on the whole path"] if early else []
-    return f"Towards singularities of {summary.cases[c].title} (medians): {'; '.join(parts)}."
 
 
 def far_norm(summary: Summary, c: int) -> float:
@@ -118,45 +114,39 @@ def level_error(summary: Summary, c: int, k: int, level: int, *, clear: bool = F
 
 
 def _both(summary: Summary) -> str:
-    if not summary.cases:
-        return ""
+    """Who keeps level 1, and |x| too where samples lie far enough from the singularity to compare it with."""
+    every = range(len(summary.cases))
+    both = [c for c in every if far_norm(summary, c) > 0.0]
+    alone = [c for c in every if c not in both]
     sentences = []
-    both = [c for c in range(len(summary.cases)) if far_norm(summary, c) > 0.0]
-    alone = [c for c in range(len(summary.cases)) if c not in both]
-    what = f"level 1 to a relative {number(KEPT)}"
-    # Where no sample lies far from the singularity, there is nothing to compare |x| with.
-    for cases, growing in ((both, True), (alone, False)):
+    for cases, sized in ((both, True), (alone, False)):
         judged = [c for c in cases if any(not math.isnan(level_error(summary, c, k, 0)) for k in _every(summary))]
-        if not judged:
-            continue
-        found = [
-            label
-            for k, label in enumerate(summary.labels)
-            if all(_keeps(summary, c, k, 0) and (not growing or growth(summary, c, k) <= BOUNDED) for c in judged)
-        ]
-        where = (
-            "on every path" if not alone or not both else f"towards {listing([summary.cases[c].title for c in judged])}"
-        )
-        full = (
-            f"both {what} and |x| within {BOUNDED:g} times what is needed far from the singularity" if growing else what
-        )
-        verb = "keeps" if len(found) < 2 else "keep"
-        sentences.append(f"{listing(found) or 'No solver'} {verb} {full}, {where}.")
-        if not growing:
-            sizes = [
-                f"{label} {number(largest(np.stack([_norms(summary, c, k) for c in judged])))}"
-                for k, label in enumerate(summary.labels)
-                if label in found
-            ]
-            told = f"; the largest: {listing(sizes)}" if sizes else ""
-            sentences.append(
-                f"There |x| is compared with nothing, since no sample lies at sigma >= {FAR_FROM:g}{told}."
-            )
+        if judged:
+            towards = [summary.cases[c].title for c in judged] if alone and both else []
+            sentences.append(_keepers(summary, judged, sized, towards))
     return " ".join(sentences)
+
+
+def _keepers(summary: Summary, cases: Sequence[int], sized: bool, towards: Sequence[str]) -> str:
+    found = [
+        (k, label)
+        for k, label in enumerate(summary.labels)
+        if all(_keeps(summary, c, k, 0) and (not sized or growth(summary, c, k) <= BOUNDED) for c in cases)
+    ]
+    labels = [label for _, label in found]
+    if sized:
+        return say("kept_and_bounded", found=labels, kept=KEPT, times=BOUNDED, towards=towards)
+    sizes = [(label, largest(np.stack([_norms(summary, c, k) for c in cases]))) for k, label in found]
+    return say("kept_alone", found=labels, kept=KEPT, far=FAR_FROM, sizes=sizes, towards=towards)
 
 
 def _every(summary: Summary) -> range:
     return range(len(summary.labels))
+
+
+def _each(summary: Summary, values: NDArray[Any]) -> Iterator[tuple[str, Any]]:
+    """(label, its entry of values (K, ...)) of every contestant."""
+    return zip(summary.labels, values, strict=True)
 
 
 def _keeps(summary: Summary, c: int, k: int, level: int) -> bool:
@@ -170,26 +160,19 @@ def _norms(summary: Summary, c: int, k: int) -> NDArray[np.int64]:
 
 
 def _jumps(summary: Summary) -> str:
-    if not summary.cases:
-        return ""
-    parts, never = [], []
-    for k, label in enumerate(summary.labels):
-        jumps = summary.jumps[:, k].sum(axis=0)
-        if jumps.sum() == 0:
-            never.append(label)
-            continue
+    jumping, never = [], []
+    for label, jumps in _each(summary, summary.jumps.sum(axis=0)):
         where = sigma_of_bins()[jumps > 0]
-        first, last = number(float(where.max())), number(float(where.min()))
-        often = counted(int(jumps.sum()), "time")
-        parts.append(f"{label} {often}, at sigma {'= ' + first if first == last else f'from {first} to {last}'}")
-    words = f"Jumps: {'; '.join(parts)}. " if parts else ""
-    return words + (f"No jump on any path: {listing(never)}." if never else "")
+        if where.size:
+            jumping.append((label, int(jumps.sum()), float(where.max()), float(where.min())))
+        else:
+            never.append(label)
+    return say("jumps", jumping=jumping, never=never) if summary.cases else ""
 
 
 def _honesty(summary: Summary) -> str:
-    counts = [f"{count} {name}" for name, count in summary.references.items() if count]
-    unclear = int(summary.ambiguous.sum())
-    return f"Judged by: {listing(counts)}; in {unclear} samples the rank is a matter of opinion: they do not count."
+    references = [(count, name) for name, count in summary.references.items() if count]
+    return say("honesty", references=references, unclear=int(summary.ambiguous.sum()))
 
 
 def claims(test: StressResult) -> tuple[Verdict, ...]:
@@ -214,42 +197,33 @@ def _same(test: StressResult, c: int, k: int) -> tuple[str, str]:
     counts = summary.along[c][summary.quantities.index("distance")][:, sigma_of_bins() >= CLEAR]
     worst = largest(counts[k])
     middle = float(quantile(counts[k].sum(axis=0), 0.5))
-    evidence = f"where sigma >= {number(CLEAR)}: distance {number(middle)} in the middle, {number(worst)} at worst"
     classic = _first(test.plan.contestants, is_null_space)
-    if classic is not None:
-        evidence += f"; null space at worst {number(largest(counts[classic]))}"
+    null_space = None if classic is None else largest(counts[classic])
+    evidence = say("same_answer", clear=CLEAR, middle=middle, worst=worst, null_space=null_space)
     return ("yes" if worst <= PARTING else "no"), evidence
 
 
 def _undisturbed(test: StressResult, c: int, k: int) -> tuple[str, str]:
     error = level_error(test.summary, c, k, 0)
-    return ("yes" if error <= KEPT else "no"), f"relative error of level 1 at most {number(error)}"
+    return ("yes" if error <= KEPT else "no"), say("undisturbed", error=error)
 
 
 def _free(test: StressResult, c: int, k: int) -> tuple[str, str]:
     times = growth(test.summary, c, k)
     if math.isnan(times):
-        return "-", f"not known: no sample lies at sigma >= {FAR_FROM:g}"
-    evidence = f"|x| up to {number(times)} times the largest |x*| far from the singularity"
+        return "-", say("not_known", far=FAR_FROM)
     classic = _first(test.plan.contestants, is_null_space)
-    if classic is not None:
-        evidence += f"; null space: {number(growth(test.summary, c, classic))} times"
-    return ("yes" if times <= BOUNDED else "no"), evidence
+    null_space = None if classic is None else growth(test.summary, c, classic)
+    return ("yes" if times <= BOUNDED else "no"), say("singularity_free", times=times, null_space=null_space)
 
 
 def _damped(summary: Summary, c: int, k: int) -> tuple[str, str]:
     error, times = level_error(summary, c, k, 0), growth(summary, c, k)
-    evidence = (
-        f"{summary.labels[k]}: relative error of level 1 at most {number(error)}, of level 2 "
-        f"{number(level_error(summary, c, k, 1))}, |x| up to {number(times)} times"
-    )
     if math.isnan(error) or math.isnan(times):
-        return "-", f"not known: no sample lies at sigma >= {FAR_FROM:g}"
+        return "-", say("not_known", far=FAR_FROM)
+    second = level_error(summary, c, k, 1)
+    evidence = say("damped", label=summary.labels[k], level_1=error, level_2=second, times=times)
     return ("yes" if error <= KEPT and times <= BOUNDED else "no"), evidence
-
-
-def _summary_of(verdicts: Sequence[Verdict]) -> str:
-    return claims_summary(verdicts)
 
 
 def _first(contestants: Sequence[Contestant], kind: Callable[[Contestant], bool]) -> int | None:
@@ -270,27 +244,16 @@ def case_sentences(summary: Summary, c: int) -> tuple[str, ...]:
     for level, name in enumerate(summary.levels):
         errors = {label: level_error(summary, c, k, level) for k, label in enumerate(summary.labels)}
         if all(math.isnan(error) for error in errors.values()):
-            sentences.append(f"{name}: no sample on these paths could be judged.")
+            sentences.append(say("level_not_judged", level=name))
             continue
         kept = [label for label, error in errors.items() if error <= KEPT]
-        sentences.append(
-            f"{name} is kept to a relative {number(KEPT)} on every path by {listing(kept) or 'no solver'}."
-        )
-    if not far_norm(summary, c) > 0.0:
-        sentences.append(f"No sample lies at sigma >= {FAR_FROM:g}: |x| is compared with nothing.")
-        return tuple(sentences)
-    grown = [
-        f"{label} ({number(growth(summary, c, k))} times)"
-        for k, label in enumerate(summary.labels)
-        if growth(summary, c, k) > BOUNDED
-    ]
-    base = number(far_norm(summary, c))
-    sentences.append(
-        f"|x| grows beyond {BOUNDED:g} times what is needed far from the singularity ({base}) with {listing(grown)}."
-        if grown
-        else f"|x| stays within {BOUNDED:g} times what is needed far from the singularity ({base}) with every solver."
-    )
-    return tuple(sentences)
+        sentences.append(say("level_kept", level=name, kept=KEPT, found=kept))
+    needed = far_norm(summary, c)
+    if not needed > 0.0:
+        return (*sentences, say("nothing_far", far=FAR_FROM))
+    sizes = [(label, growth(summary, c, k)) for k, label in enumerate(summary.labels)]
+    grown = [(label, times) for label, times in sizes if times > BOUNDED]
+    return (*sentences, say("growth", grown=grown, times=BOUNDED, needed=needed))
 
 
 def unsolved(summary: Summary) -> list[tuple[str, str, int]]:

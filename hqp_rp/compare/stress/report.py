@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import pathlib
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp.compare.comparison.findings import DAMPED
+from hqp_rp.compare.comparison.findings import DAMPED, Verdict, claim_sentence
 from hqp_rp.compare.figures.chart import Chart, Line, Lines, styles
 from hqp_rp.compare.figures.panels import grouped
 from hqp_rp.compare.machine import machine, versions
 from hqp_rp.compare.measure.cases import BOUNDED, KEPT, PARTING
 from hqp_rp.compare.report.report import Report, Section, Table
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.report.words import number, share
 from hqp_rp.compare.stress.findings import (
     FAR_FROM,
@@ -36,17 +38,7 @@ ERROR_FLOOR, ERROR_CEILING = 1e-17, 1e4
 NORM_FLOOR, NORM_CEILING = 1e-4, 1e16
 SHOWN_DECADES = 8
 
-_CANNOT_TELL = (
-    "The search finds points of families of singular configurations, and no proof that there are no others.",
-    "Every sample stands alone, at rest: a controller in motion takes other paths, and warm starts are not used.",
-    f"Distances below {RESOLVED:g} are not told apart: where a problem is well conditioned the optimum is a double-precision "
-    "one. Near a singularity it is the exact truth by the library's rank rule (1e-12 of the level's norm).",
-    "Below the rank rule's threshold the exact rank and the rule differ; such samples are marked ambiguous, and count neither "
-    "in errors nor in distances.",
-    "Medians, quantiles and extremes along the paths come from histograms of 1/8 decade: they are right to within 15 %.",
-    "Times are means over whole batches for closed forms and single calls for the others, with as many processes at work as "
-    "there are cores: compare them with each other only, and only when they differ by more than a factor of two.",
-)
+say = Sentences(__file__)
 
 
 def stress_report(test: StressResult) -> Report:
@@ -54,46 +46,49 @@ def stress_report(test: StressResult) -> Report:
     verdicts = claims(test)
     sections = [
         Section("The answer", answer(test), listed=True),
-        Section("What this cannot tell", _CANNOT_TELL, listed=True),
+        Section("What this cannot tell", _cannot_tell(), listed=True),
         Section(
             "Towards the singularities",
-            (
-                f"Paths of {PER_DECADE} samples a decade lead from sigma = {FAR:g}, or the largest on their line, to {NEAR:g}.",
-            )
-            if test.summary.cases
-            else ("There are no paths.",),
+            (say("paths", per_decade=PER_DECADE, far=FAR, near=NEAR) if test.summary.cases else say("no_paths"),),
             sections=tuple(_case(test.summary, c, test) for c in range(len(test.summary.cases))),
         ),
         Section("Performance profiles", charts=(_profiles(test),)),
     ]
     opening = opening_of_stress(test, sections)
     if verdicts:
-        rows = tuple((verdict.claim, verdict.case, verdict.holds, verdict.evidence) for verdict in verdicts)
-        caption = (
-            f"Exact means a relative error of at most {number(KEPT)}; bounded means within {BOUNDED:g} times what is "
-        )
-        caption += (
-            f"needed where sigma >= {FAR_FROM:g}. The last claim, '{DAMPED}', has one row for each damped variant."
-        )
-        table = Table(
-            "Each claim towards each kind of singularity",
-            ("claim", "singularities", "holds", "evidence"),
-            rows,
-            caption,
-            text=frozenset(range(4)),
-        )
-        sections.append(Section("What the paper on reverse priority claims", tables=(table,)))
+        sections.append(Section(say("heading_claims"), tables=(_claims(verdicts),)))
     sections += [
         Section("All samples", tables=(_outcomes(test.summary), *_statuses(test))),
         Section("Worst cases", tables=(_worst(test),)),
         Section("Settings", tables=(_atlas(test), _solvers(test), _settings(test))),
     ]
     labels = [names for _, names in grouped(test.plan.contestants)]
-    title = f"hqp_rp: {pathlib.PurePath(test.plan.model).name} under stress"
-    question = (
-        f"Which solver can be trusted near the singularities of {' > '.join(test.levels)}, and where does each fail?"
-    )
+    title = say("title", model=pathlib.PurePath(test.plan.model).name)
+    question = say("question", levels=test.levels)
     return Report(title, question, tuple(sections), styles(labels), opening)
+
+
+def _cannot_tell() -> tuple[str, ...]:
+    return (
+        say("cannot_tell_families"),
+        say("cannot_tell_motion"),
+        say("cannot_tell_small", resolved=RESOLVED),
+        say("cannot_tell_rank"),
+        say("cannot_tell_bins"),
+        say("cannot_tell_times"),
+    )
+
+
+def _claims(verdicts: Sequence[Verdict]) -> Table:
+    rows = tuple((claim_sentence(v.claim), v.case, v.holds, v.evidence) for v in verdicts)
+    damped = claim_sentence(DAMPED)
+    return Table(
+        say("table_claims"),
+        ("claim", "singularities", "holds", "evidence"),
+        rows,
+        say("caption_claims", kept=KEPT, bounded=BOUNDED, far=FAR_FROM, damped=damped),
+        text=frozenset(range(4)),
+    )
 
 
 def _case(summary: Summary, c: int, test: StressResult) -> Section:
@@ -122,14 +117,10 @@ def _case(summary: Summary, c: int, test: StressResult) -> Section:
             )
         )
     table = Table(
-        f"On the way to singularities of {case.title}",
+        say("table_case", title=case.title),
         header,
         tuple(rows),
-        f"Leaves at: the largest sigma at which the median distance from the optimum exceeds {number(PARTING)}. Error of a "
-        "level: the largest part of its residual that could be removed at no cost to the levels before it and that rounding "
-        "does not explain, over ||A|| ||x|| + ||b||. |x|, times: the largest |x| over the largest "
-        f"|x*| where sigma >= {FAR_FROM:g}. Jumps: steps of a quarter of a decade on which x changes by more than "
-        f"{JUMP:.0%} of itself; growth like 1/sigma changes it by 44 %.",
+        say("caption_case", parting=PARTING, far=FAR_FROM, jump=JUMP),
         text=frozenset({0, 6 + len(summary.levels) - 1}),
     )
     return Section(title_of(case), case_sentences(summary, c), listed=True, charts=(_chart(test, c),), tables=(table,))
@@ -161,10 +152,8 @@ def _chart(test: StressResult, c: int) -> Chart:
     slug = "-".join(("approach", case.name, case.kind.lower())).replace(" ", "-").replace("/", "-")
     return Lines(
         name=slug,
-        title=f"Towards singularities of {case.title}",
-        caption=f"Medians over the paths, bands from 10 to 90 %. Errors are relative; 0 is drawn at "
-        f"{ERROR_FLOOR:g}. Sigma is the vanishing singular value over the level's norm. The last row is the share of paths "
-        "on which x jumps at this sigma.",
+        title=say("chart_case", title=case.title),
+        caption=say("caption_chart", floor=ERROR_FLOOR),
         x_label="sigma",
         columns=tuple(group for group, _ in groups),
         rows=(*rows, "share of paths\nthat jump"),
@@ -200,10 +189,7 @@ def _profiles(test: StressResult) -> Chart:
     return Lines(
         name="performance-profiles",
         title="Performance profiles",
-        caption=f"The share of the {total} judged samples on which a solver is within a factor tau of the best one (Dolan and "
-        f"More 2002): in distance from the optimum, where distances below {RESOLVED:g} count as equal, and in time, where an "
-        f"answer farther than {number(PARTING)} from the optimum counts as none. The left end says how often a solver is "
-        "best, the right end how often it arrives at all.",
+        caption=say("caption_profiles", judged=total, resolved=RESOLVED, parting=PARTING),
         x_label="tau",
         columns=tuple(group for group, _ in groups),
         rows=("share, distance\nwithin tau of the best", "share, time\nwithin tau of the best"),
@@ -226,22 +212,21 @@ def _outcomes(summary: Summary) -> Table:
         row = [label, share(summary.solved(k))]
         for kind in kinds:
             i = KINDS.index(kind)
-            judged = int(summary.judged[i])
+            of = int(summary.judged[i])
             row += [
-                share(float(summary.right[k, i] / judged)) if judged else "-",
+                share(float(summary.right[k, i] / of)) if of else "-",
                 number(float(quantile(summary.distance[k, i], 0.5))),
-                number(float(summary.worst_distance[k, i])) if judged else "-",
+                number(float(summary.worst_distance[k, i])) if of else "-",
                 number(float(summary.worst_norm[k, i])),
             ]
         row += [number(1e6 * float(quantile(summary.time[k], part))) for part in (0.5, 0.99)]
         rows.append(tuple(row))
-    judged_counts = ", ".join(f"{int(summary.judged[KINDS.index(kind)])} {kind}" for kind in kinds)
+    judged = [(int(summary.judged[KINDS.index(kind)]), kind) for kind in kinds]
     return Table(
         "Every kind of sample",
         tuple(header),
         tuple(rows),
-        f"Distance is |x - x*| / (1 + |x*|), over the samples whose optimum is known and not ambiguous: {judged_counts} of "
-        f"{summary.samples} in all.",
+        say("caption_outcomes", judged=judged, samples=summary.samples),
     )
 
 
@@ -250,12 +235,10 @@ def _statuses(test: StressResult) -> list[Table]:
     found = unsolved(test.summary)
     if found:
         rows = tuple((label, status, str(count)) for label, status, count in found)
-        tables.append(
-            Table("Where a status was not SOLVED", ("solver", "status", "samples"), rows, text=frozenset({0, 1}))
-        )
+        tables.append(Table(say("table_statuses"), ("solver", "status", "samples"), rows, text=frozenset({0, 1})))
     if test.left_out:
         header = ("solver", "why it is not here")
-        tables.append(Table("Solvers that refuse this stack", header, test.left_out, text=frozenset({0, 1})))
+        tables.append(Table(say("table_refusals"), header, test.left_out, text=frozenset({0, 1})))
     return tables
 
 
@@ -265,11 +248,10 @@ def _worst(test: StressResult) -> Table:
         for case in test.summary.worst
     )
     return Table(
-        "The worst cases of each solver",
+        say("table_worst"),
         ("solver", "what", "figure", "sample", "replay, in the report's folder"),
         rows,
-        "Figure: distance from the optimum, |x| / (1 + |x*|), or the Lipschitz estimate in 1/s. Each file holds the problem to "
-        "the last bit.",
+        say("caption_worst"),
         text=frozenset({0, 1, 4}),
     )
 
@@ -285,8 +267,7 @@ def _atlas(test: StressResult) -> Table:
                 (name, kind.name.lower(), str(len(own)), f"{number(min(rates))} to {number(max(rates))}", str(edges))
             )
     header = ("level", "kind", "configurations", "growth of sigma, 1/rad", "edges")
-    caption = "Edges: beyond them the level cannot be brought while those before it rest. All of them: atlas.json."
-    return Table("The atlas", header, tuple(rows), caption, text=frozenset({0, 1}))
+    return Table("The atlas", header, tuple(rows), say("caption_atlas"), text=frozenset({0, 1}))
 
 
 def _solvers(test: StressResult) -> Table:

@@ -18,6 +18,16 @@ Accuracy: {{ found | listing }} {{ found | verb("stays", "stay") }}
 within {{ distance | number }} of {{ "optimum" }}{% if found | length > 2 %}, all of them{% endif %}.
 {% endmacro %}
 {% macro lost(steps, part) %}Lost on {{ steps | counted("step") }}, {{ part | share }} <of all>.{% endmacro %}
+{% macro _named(found) %}
+{% for label, value in found %}{{ label }} ({{ value | number }}){{ loop | between }}{% endfor %}
+{% endmacro %}
+{% macro worst(found) %}
+Worst: {{ _named(found) }};
+{% for label, value in found %}
+{{ value | number }} is {{ label }}
+{{- loop | between("; ") }}
+{%- endfor %}.
+{% endmacro %}
 """
 
 
@@ -36,8 +46,18 @@ def test_a_sentence_is_one_line_with_figures_as_reports_spell_them(say: Sentence
     assert say("lost", steps=1, part=0.25) == "Lost on 1 step, 25.0 % <of all>."
 
 
+def test_names_with_figures_are_listed_as_names_are(say: Sentences) -> None:
+    found = [("a", 1.0), ("b", 0.125), ("c", 1e-9)]
+    assert [say("worst", found=found[:count]) for count in (1, 2, 3)] == [
+        "Worst: a (1); 1 is a.",
+        "Worst: a (1) and b (0.12); 1 is a; 0.12 is b.",
+        "Worst: a (1), b (0.12) and c (1e-09); 1 is a; 0.12 is b; 1e-09 is c.",
+    ]
+    assert say.names() == {"stays", "lost", "worst"}
+
+
 def test_an_unknown_sentence_is_refused(say: Sentences) -> None:
-    with pytest.raises(KeyError, match=r"has no 'gone'; it has \['lost', 'stays'\]"):
+    with pytest.raises(KeyError, match=r"has no 'gone'; it has \['lost', 'stays', 'worst'\]"):
         say("gone")
 
 
