@@ -196,7 +196,9 @@ def _contestants(comparison: ComparisonResult) -> Table:
 
 def _scenarios(comparison: ComparisonResult) -> Table:
     rows = tuple((type(scenario).name, repr(scenario)) for scenario in comparison.scenarios)
-    return Table("Scenarios", ("name", "settings"), rows, f"Seeds 0 to {comparison.seeds - 1}.", text=frozenset({0, 1}))
+    return Table(
+        "Scenarios", ("name", "settings"), rows, say("caption_seeds", last=comparison.seeds - 1), text=frozenset({0, 1})
+    )
 
 
 def _versions() -> Table:

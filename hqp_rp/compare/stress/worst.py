@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hqp_rp.compare.contestants import Contestant
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.report.words import number
 from hqp_rp.compare.settings_text import parse_contestant
 from hqp_rp.compare.stress.plan import Plan, Samples
@@ -21,6 +22,8 @@ from hqp_rp.core.diagnostics import norm
 from hqp_rp.core.distance import distance
 from hqp_rp.core.io import load_metadata, load_problem, save_problem
 from hqp_rp.core.solver import Solver, all_solvers
+
+say = Sentences(__file__)
 
 TRUTH_UNKNOWNS = 40
 """A replay states the distance from the exact truth up to this many unknowns (about 0.1 s there)."""
@@ -91,18 +94,14 @@ def replay(path: str | pathlib.Path, solver: str | None = None) -> Replayed:
     if solution.x is None:
         return Replayed(None, tuple(lines))
     lines.append(f"  |x| = {norm(solution.x):.6g}, x = {np.array2string(solution.x, precision=6)}")
+    told = []
     if problem.n <= TRUTH_UNKNOWNS and (problem.is_equality or problem.n <= 10):
         found = distance(problem, solution.x, reference="truth")
-        unclear = "; the rank is a matter of opinion" if found.ambiguous else ""
-        lines.append(f"  distance from the optimum {found.value:.6g} ({found.reference}{unclear})")
+        told.append(say("replayed_distance", found=found))
     verdict = certify(problem, solution.x)
-    for level in verdict.levels:
-        lines.append(
-            f"  {level.name}: residual {level.residual:.6g}, of it avoidable {level.excess:.6g} "
-            f"(relative {level.relative_excess:.1e}, rounding explains {level.uncertainty:.1e})"
-        )
-    lines.append(f"  {verdict.sentence}")
-    return Replayed(solution.x, tuple(lines))
+    told += [say("replayed_level", level=level) for level in verdict.levels]
+    told.append(verdict.sentence)
+    return Replayed(solution.x, (*lines, *(f"  {sentence}" for sentence in told)))
 
 
 def replay_all(paths: Sequence[str | pathlib.Path], solver: str | None = None) -> tuple[str, ...]:
@@ -113,7 +112,8 @@ def replay_all(paths: Sequence[str | pathlib.Path], solver: str | None = None) -
         found = replay(path, solver)
         sentences += found.sentences
         if before is not None and found.x is not None and len(before) == len(found.x):
-            sentences.append(f"  |x - x of the file before| = {norm(found.x - before):.6g}")
+            change = say("replayed_change", change=norm(found.x - before))
+            sentences.append(f"  {change}")
         before = found.x
     return tuple(sentences)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import Any
 
 import pytest
 
@@ -127,6 +129,66 @@ def test_the_sentences_of_a_case(hard: LimitCase) -> None:
     assert any(
         sentence.startswith("Posture: of those who kept every limit, exact missed it least") for sentence in words
     )
+
+
+def changed(case: LimitCase, **by_label: Any) -> LimitCase:
+    """The case with other figures for these contestants, and without the others."""
+    outcomes = (dataclasses.replace(of(case, label), **figures) for label, figures in by_label.items())
+    return dataclasses.replace(case, outcomes=tuple(outcomes))
+
+
+def test_who_never_comes_back_is_named(hard: LimitCase) -> None:
+    early, late = {"outside": 2, "back": 0.5}, {"outside": 1, "back": 1.5}
+    words = limit_sentences(changed(hard, exact=early, lazy=late, careless={"outside": 2, "back": None}))
+    assert (
+        "2 of the seeds start outside a position limit. Those who come back are inside again after 0.5 to 1.5 s. "
+        "Never back inside: careless."
+    ) in words
+    words = limit_sentences(changed(hard, careless={"outside": 2, "back": None}))
+    assert "2 of the seeds start outside a position limit. Never back inside: careless." in words
+
+
+def test_who_shakes_and_who_does_not(hard: LimitCase) -> None:
+    calm, wild = {"changes": (0.1, 0.5, 1.0)}, {"changes": (0.1, 2.0, 4.0)}
+    assert (
+        "In 99 % of the steps joint velocities change by no more than 0.5 rad/s with exact and lazy, 2 with careless."
+    ) in limit_sentences(changed(hard, exact=calm, lazy=calm, careless=wild))
+    assert (
+        "Joint velocities change by up to 0.5 rad/s in 99 % of the steps with everyone."
+    ) in limit_sentences(changed(hard, exact=calm, lazy=calm))  # fmt: skip
+
+
+def test_room_left_on_steps_not_called_solved_is_told_apart(hard: LimitCase) -> None:
+    admitted = tuple(dataclasses.replace(level, claimed=None) for level in of(hard, "lazy").denied)
+    case = changed(hard, exact={}, lazy={"denied": admitted})
+    assert (
+        "Room left unused, the largest of any step: lazy (tool 1.5, posture 1; only on steps not called SOLVED). "
+        "None beyond rounding: exact."
+    ) in limit_sentences(case)
+    price = next(sentence for sentence in limits_answer([case]) if sentence.startswith("Price"))
+    assert price.startswith(
+        "Price: every level was served as well as the limits and the levels before it allow by exact; room was left unused by "
+        "lazy (1.5, tool, only on steps not called SOLVED). The figure is the largest part"
+    )
+    assert limits_answer([changed(hard, lazy={})])[-2].startswith(
+        "Price: room was left unused by lazy (1.5, tool). The "
+    )
+
+
+def test_contradicting_rows_say_what_came_of_them(hard: LimitCase) -> None:
+    stopped = {"statuses": {"SOLVED": 0.75, "INFEASIBLE": 0.25}, "violations": of(hard, "careless").violations}
+    assert (
+        "Hard rows contradicted each other in bounded, hard, on up to 25.0 % of the steps of exact; the robot then brakes, and "
+        "ends up to 1 rad/s beyond a velocity limit."
+    ) in limits_answer([changed(hard, exact=stopped)])
+
+
+def test_a_figure_shared_by_several_is_printed_once(hard: LimitCase) -> None:
+    broken = {"violations": of(hard, "careless").violations}
+    words = limit_sentences(changed(hard, exact=broken, lazy=broken, careless={}))
+    assert "Position limits broken by exact, lazy and careless (0.5 rad, for 2 s)." in words
+    assert "Tool: all solvers missed it alike" not in " ".join(words)
+    assert "Tool: of all solvers, careless missed it least (0 m RMS), lazy most (4.1)." in words
 
 
 def test_nobody_takes_it() -> None:

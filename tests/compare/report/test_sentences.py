@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import pathlib
 import re
 
 import pytest
 
 import hqp_rp.compare
-from hqp_rp.compare.report.sentences import Sentences
+from hqp_rp.compare.report.sentences import Sentences, _macros
 
 COMPARE = pathlib.Path(hqp_rp.compare.__file__).parent
 TEMPLATE = """\
@@ -80,3 +81,20 @@ def test_code_and_template_name_the_same_sentences() -> None:
         assert asked == there, (
             f"{template.parent.name}: unasked {sorted(there - asked)}, unwritten {sorted(asked - there)}"
         )
+
+
+def asked_for(module: pathlib.Path) -> list[tuple[str, frozenset[str | None]]]:
+    """(sentence, names of its figures) of every `say("sentence", figure=...)` of a module; None stands for **figures."""
+    calls = [node for node in ast.walk(ast.parse(module.read_text())) if isinstance(node, ast.Call)]
+    said = [call for call in calls if isinstance(call.func, ast.Name) and call.func.id == "say"]
+    return [(ast.literal_eval(call.args[0]), frozenset(item.arg for item in call.keywords)) for call in said]
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent.name for path in COMPARE.rglob("*sentences.j2")}))
+def test_every_sentence_is_given_the_figures_that_it_takes(folder: str) -> None:
+    """Also those that are said rarely, and in no test."""
+    templates = [_macros(path) for path in (COMPARE / folder).glob("*sentences.j2")]
+    takes = {(name, frozenset(macro.arguments)) for macros in templates for name, macro in macros.items()}
+    asked = [one for module in sorted((COMPARE / folder).glob("*.py")) for one in asked_for(module)]
+    assert asked
+    assert [one for one in asked if None not in one[1] and one not in takes] == []
