@@ -18,6 +18,7 @@ from hqp_rp.compare.claims.experiments import (
     LIMITED_CONFLICT,
     LIMITED_CORNER,
     NEAR,
+    POSTURES,
     PUSH,
     SERVO_MAP,
     SERVOS,
@@ -33,6 +34,7 @@ from hqp_rp.compare.claims.methods import (
     CLASSICAL,
     DLS,
     DLS_VARIABLE,
+    FIRST_DAMPING,
     FIXED,
     NULL_DAMPED,
     NULL_SPACE,
@@ -49,11 +51,14 @@ from hqp_rp.compare.claims.methods import (
 )
 from hqp_rp.compare.claims.trials import Trial
 from hqp_rp.compare.figures.chart import Chart, Dots, Grid, Line, Lines, Style, styles, thinned
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.report.words import number
 from hqp_rp.control._checks import TWIST_AXES
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios._interaction import DAMPED, DAMPING, INERTIA, PAPER, REGULAR, SINGULAR
 from hqp_rp.scenarios.sawyer_wall_contact import SawyerWallContact
+
+say = Sentences(__file__)
 
 DESIRED, LAW = "desired", "the law alone"
 EQUAL = 1e-3
@@ -177,8 +182,8 @@ def push_curves(curves: Curves) -> Lines:
         columns.append(merged(column))
     return _lines(
         "push",
-        "A push: the desired mass, damper and spring, and what the tool does",
-        "20 N and 2 N m in all components for 1 s, regular posture. The law is right; the velocity servos below it yield.",
+        say("push_title"),
+        say("push_caption"),
         [f"servo x {trial.scenario.servo:g}" for trial, _ in runs],
         [(label, False) for label, _, _ in rows],
         list(zip(*columns, strict=True)),
@@ -199,9 +204,8 @@ def push_dots(study: Study) -> Dots:
     half = len(labels) // 2
     return Dots(
         "push-by-axis",
-        "How far a pushed tool is from the ideal, by axis",
-        "Each dot one run, the large one the median: largest distance from the ideal over the ideal's largest motion. Two "
-        "orders of the levels, target at rest and moving.",
+        say("push_by_axis_title"),
+        say("push_by_axis_caption"),
         "times the ideal's largest motion",
         (REGULAR, SINGULAR),
         (("default servos", tuple(labels[:half])), ("stiff servos", tuple(labels[half:]))),
@@ -225,8 +229,8 @@ def tracking_curves(curves: Curves) -> Lines:
     ]
     return _lines(
         "tracking",
-        "The alternating force (54), two periods and more",
-        "Mirrors the paper's Figure 5. From rest on the wall; no noise.",
+        say("tracking_title"),
+        say("tracking_caption"),
         [trial.gains for trial, _ in runs],
         [("F_x (N)", False), ("F_y (N)", False)],
         list(zip(*columns, strict=True)),
@@ -245,9 +249,8 @@ def bode(study: Study) -> Lines:
             panels[r].append((Line(REVERSE, x, middle, low, high), Line(DESIRED, x, np.full(len(x), perfect))))
     return _lines(
         "bode",
-        "Gain and lag of the force loop",
-        "Median and range over ten postures, F_x against wall stiffness 1e5 N/m, all frequencies at once. (54) as printed has "
-        "0.05 Hz; sin(pi t) has 0.5 Hz.",
+        say("bode_title"),
+        say("bode_caption"),
         (PAPER, DAMPED),
         (("gain", False), ("lag (ms)", False)),
         panels,
@@ -269,8 +272,8 @@ def wall_curves(curves: Curves) -> Lines:
         columns.append(f"{trial.gains}, servo x {trial.scenario.servo:g}")
     return _lines(
         "wall",
-        "From 10 mm in front of the wall into contact",
-        "Mirrors the paper's Figure 7; regular posture, 1e5 N/m. With the paper's numbers the law alone bounces.",
+        say("wall_title"),
+        say("wall_caption"),
         columns,
         [("F_x (N)", False)],
         [panels],
@@ -287,9 +290,8 @@ def servo_map(study: Study) -> Grid:
             values[r, c] = float(np.median(rows["peak"].to_numpy())) / ideal
     return _by_stiffness(
         "servo-map",
-        "Peak force at the wall over that of the law alone",
-        "Median of the postures in a cell, the paper's numbers. 1 is the law; soft servos hide its peak, and the peak that the "
-        "paper's Figure 7 shows depends on a gain that it does not give.",
+        say("servo_map_title"),
+        say("servo_map_caption"),
         ("servo gain, times the default", SERVOS),
         values,
         (0.2, 5.0, "peak over ideal peak"),
@@ -306,12 +308,10 @@ def delay_map(study: Study, servo: float, gains: str) -> Grid:
             rows = study.pick(DELAY_MAP, REVERSE, servo=servo, gains=gains, stiffness=stiffness, delay=delay)
             values[r, c] = max(float(np.median(rows["late_rms"].to_numpy())), 1e-3)
     places = np.interp(margins, DELAYS, np.arange(len(DELAYS)), right=len(DELAYS) - 0.5)
-    which = f"{gains}, servo x {servo:g}"
     return _by_stiffness(
         f"delay-map-{'paper' if gains == PAPER else 'damped'}-{servo:g}",
-        f"Force error at the end, by delay of the reading ({which})",
-        "RMS error in the last third, N, median of the postures in a cell. Below the dashed line the law alone is stable "
-        "(phase margin in continuous time, without the velocity loop and without the 1 ms that holding a value for 2 ms adds).",
+        say("delay_map_title", gains=gains, servo=servo),
+        say("delay_map_caption"),
         ("delay (ms)", [1e3 * delay for delay in DELAYS]),
         values,
         (0.03, 30.0, "late RMS error (N)"),
@@ -370,9 +370,8 @@ def sweep(study: Study, experiment: str) -> Lines:
     words = experiment.replace(", near", "")
     return _lines(
         f"sweep-{words}",
-        f"Every method over its damping, beside singularities ({words})",
-        "Median and quartiles over 20 postures, well damped gains. Methods without damping are level lines. Equal ones lie on "
-        "each other: wide under narrow.",
+        say("sweep_title", experiment=words),
+        say("sweep_caption", postures=POSTURES),
         _COLUMNS,
         _SWEPT_ROWS,
         panels,
@@ -391,9 +390,8 @@ def shortened_or_told(study: Study) -> Dots:
         values.append({label: np.maximum(rows["late_rms"].to_numpy(), 1e-3) for label, rows in own.items()})
     return Dots(
         "limits",
-        "The force near singularities, with velocity limits",
-        "RMS error in the last third. Shortened: an answer over a limit is shortened as a whole, the force level with it. "
-        "Told: the limits are hard rows of the problem.",
+        say("limits_title"),
+        say("limits_caption"),
         "late RMS error of F_x (N)",
         ("corner", "conflict"),
         (("shortened", labels[:2]), ("told", labels[2:])),
@@ -418,9 +416,8 @@ def three_levels(study: Study) -> Dots:
             columns.append(f"{experiment}: {words}")
     return Dots(
         "three-levels",
-        "Three levels at regular postures",
-        "Each dot one posture, the large one the median. In the wipe all levels can be met: equal by algebra but for damping "
-        "and weights. In the conflict the second level's target moves out of reach.",
+        say("three_levels_title"),
+        say("three_levels_caption"),
         "N, or mm",
         tuple(columns),
         (("", methods),),
@@ -430,31 +427,32 @@ def three_levels(study: Study) -> Dots:
     )
 
 
-_CURVES: dict[str, tuple[str, str, tuple[tuple[str, str, bool], ...]]] = {
-    shown.CORNERED: (
-        "In a corner, beside a singularity of the second level",
-        "Mirrors the paper's Figures 5 and 6, at a posture where the methods differ.",
-        (("force x [N]", "F_x (N)", False), ("force y [N]", "F_y (N)", False),
-         ("commanded speed [rad/s]", "|x| asked for (rad/s)", True)),
-    ),
-    shown.WIPED: (
-        "A wipe through a singularity of the orientation",
-        "Not in the paper. Three levels: force, path, orientation.",
-        (("force x [N]", "F_x (N)", False), ("position error y [m]", "error in y (m)", False),
-         ("commanded speed [rad/s]", "|x| asked for (rad/s)", True)),
-    ),
-    shown.CONFLICTED: (
-        "Force against a point that moves out of reach",
-        "Not in the paper. Three levels: force, position along the wall, posture.",
-        (("force x [N]", "F_x (N)", False), ("position error z [m]", "error in z (m)", False),
-         ("commanded speed [rad/s]", "|x| asked for (rad/s)", True)),
-    ),
-}  # fmt: skip
+_SPEED = ("commanded speed [rad/s]", "|x| asked for (rad/s)", True)
 
 
-def near_curves(curves: Curves, experiment: str) -> Lines:
-    """One run beside a singularity with the methods in their groups; equal curves are drawn once and said to be equal."""
-    title, caption, rows = _CURVES[experiment]
+def corner_curves(curves: Curves) -> Lines:
+    """A corner of two walls beside a singularity of the second level, with every method."""
+    rows = (("force x [N]", "F_x (N)", False), ("force y [N]", "F_y (N)", False), _SPEED)
+    return _near(curves, shown.CORNERED, say("corner_title"), say("corner_caption", damping=FIRST_DAMPING), rows)
+
+
+def wipe_curves(curves: Curves) -> Lines:
+    """A wipe through a singularity of the orientation, with every method."""
+    rows = (("force x [N]", "F_x (N)", False), ("position error y [m]", "error in y (m)", False), _SPEED)
+    return _near(curves, shown.WIPED, say("wipe_title"), say("wipe_caption", damping=FIRST_DAMPING), rows)
+
+
+def conflict_curves(curves: Curves) -> Lines:
+    """Force against a point that moves out of reach, beside a singularity, with every method."""
+    rows = (("force x [N]", "F_x (N)", False), ("position error z [m]", "error in z (m)", False), _SPEED)
+    return _near(curves, shown.CONFLICTED, say("conflict_title"), say("conflict_caption", damping=FIRST_DAMPING), rows)
+
+
+def _near(curves: Curves, experiment: str, title: str, caption: str, rows: Sequence[tuple[str, str, bool]]) -> Lines:
+    """One run beside a singularity with the methods in their groups; equal curves are drawn once and said to be equal.
+
+    rows: column of the steps, label, whether its axis is logarithmic.
+    """
     runs = curves.of(experiment)
     columns = []
     for group in _GROUPS:
@@ -468,14 +466,8 @@ def near_curves(curves: Curves, experiment: str) -> Lines:
             if column.startswith("force"):
                 found[r] += merged([{DESIRED: _xy(runs[0][1], f"desired {column}")}])[0]
         columns.append(found)
-    return _lines(
-        experiment,
-        title,
-        f"{caption} Well damped gains, damping 0.1. Equal curves of a column are drawn once, under all their names.",
-        _COLUMNS,
-        [(label, log) for _, label, log in rows],
-        list(zip(*columns, strict=True)),
-    )
+    labels = [(label, log) for _, label, log in rows]
+    return _lines(experiment, title, caption, _COLUMNS, labels, list(zip(*columns, strict=True)))
 
 
 def tilted_curves(curves: Curves) -> Lines:
@@ -492,8 +484,8 @@ def tilted_curves(curves: Curves) -> Lines:
     ]
     return _lines(
         "tilted-wipe",
-        "A wipe along a tilted wall, one hybrid level",
-        "Not in the paper. Force across the wall and a path along it in one level, S = I - n n^T.",
+        say("tilted_wipe_title"),
+        say("tilted_wipe_caption"),
         [f"friction {trial.scenario.friction:g}" for trial, _ in runs],
         [("force across (N)", False), ("error along the path (mm)", False)],
         list(zip(*columns, strict=True)),
@@ -511,7 +503,7 @@ def evidence(study: Study, curves: Curves) -> dict[str, list[Chart]]:
         "Pushed": [push_curves(curves), *([push_dots(study)] if has(PUSH) else [])],
         "Tracking": [tracking_curves(curves), bode(study)] if has(SWEEP_OF_SINES) else [],
         "At the wall": [wall_curves(curves)],
-        "Beside singularities": [near_curves(curves, name) for name in _CURVES],
+        "Beside singularities": [corner_curves(curves), wipe_curves(curves), conflict_curves(curves)],
         "Three levels": [tilted_curves(curves), *([three_levels(study)] if has(WIPE, CONFLICT) else [])],
     }
     if has(SERVO_MAP, DELAY_MAP):

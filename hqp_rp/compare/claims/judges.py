@@ -54,9 +54,11 @@ from hqp_rp.compare.claims.methods import (
     WEIGHTED,
 )
 from hqp_rp.compare.claims.outcomes import Outcome, outcome
-from hqp_rp.compare.report.words import number, share
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios._interaction import DAMPED, PAPER, REGULAR, SINGULAR
+
+say = Sentences(__file__)
 
 FAILS = "does not hold"
 """The word that a counterexample or a refuted theorem forces."""
@@ -133,7 +135,7 @@ def force_error(rows: pl.DataFrame) -> FloatArray:
 
 
 def _theorem(theorem: algebra.Theorem) -> str:
-    checked = f"Checked on {algebra.DRAWS} random problems: largest deviation {number(theorem.largest)}."
+    checked = say("checked", draws=algebra.DRAWS, largest=theorem.largest)
     return f"Theorem: {theorem.statement}. {theorem.proof} {checked}"
 
 
@@ -159,9 +161,8 @@ def undisturbed(study: Study) -> Found:
     lost = float((late > KEPT).mean())
     return Found(
         outcomes,
-        f"force lost in {share(lost)} of runs near singularities, J_1 x = v_1 within {number(largest)} m/s",
-        "In x a theorem. In the force it depends on what becomes of an x over the velocity limits: shortened as a whole, the "
-        "first level is shortened too.",
+        say("undisturbed_number", lost=lost, largest=largest),
+        say("undisturbed_words"),
         _theorem(theorem),
         "" if theorem.checked else FAILS,
     )
@@ -186,16 +187,17 @@ def singularity_free(study: Study) -> Found:
     together = np.concatenate(ratios)
     return Found(
         outcomes,
-        f"|x| up to {number(float(together.max()))} times that of regular postures, median "
-        f"{number(float(np.median(together)))}",
-        "Undamped, two levels are null-space priority (see the next theorem), singularities included.",
+        say("singularity_free_number", largest=float(together.max()), median=float(np.median(together))),
+        say("singularity_free_words"),
         _theorem(algebra.same_on_two_levels()),
     )
 
 
 def tracks(study: Study) -> Found:
     """Gain and lag of the alternating force."""
-    outcomes, lags, gains_found = [], [], []
+    outcomes: list[Outcome] = []
+    lags: dict[str, float] = {}
+    amplitudes = []
     fast = f"sin(pi t), {SINE:g} Hz"
     for experiment, label in ((TRACK, "sin(t / pi)"), (TRACK_FAST, fast), (TRACK_TORQUE, f"{fast}, torque loop")):
         if not study.has(experiment):
@@ -207,63 +209,77 @@ def tracks(study: Study) -> Found:
             # RMS of gain sin(wt - phase) - sin(wt), over that of sin(wt).
             miss = np.hypot(gain * np.cos(phase) - 1.0, gain * np.sin(phase))
             outcomes.append(outcome(f"{label}, {gains}", rows, miss, ALTERNATING))
-            lags.append(1e3 * float(np.median(rows["lag 0"].to_numpy())))
-            gains_found.append(float(np.median(gain)))
-    return Found(
-        outcomes,
-        f"amplitude {number(5.0 * gains_found[0], 4)} N of 5, lag {number(lags[0])} ms ({PAPER}), {number(lags[1])} ms "
-        f"({DAMPED})",
-    )
+            lags.setdefault(gains, 1e3 * float(np.median(rows["lag 0"].to_numpy())))
+            amplitudes.append(5.0 * float(np.median(gain)))
+    return Found(outcomes, say("tracks_number", amplitude=amplitudes[0], lags=lags))
 
 
-def _against(
-    study: Study, experiments: Sequence[str], rivals: Sequence[str], own: str = REVERSE
-) -> tuple[list[Outcome], str]:
-    """Whether the force error is at most 0.95 of each rival's, run by run; each damped method with its best damping."""
-    outcomes, words = [], []
-    for experiment in experiments:
-        mine = study.best(experiment, own, gains=DAMPED) if own in SWEPT else study.pick(experiment, own, gains=DAMPED)
-        for rival in rivals:
-            other = study.best(experiment, rival, gains=DAMPED)
-            ratio = force_error(mine) / np.maximum(force_error(other), 1e-9)
-            label = f"{_words(experiment)}, than {rival}"
-            outcomes.append(outcome(label, mine, ratio, BETTER, stricter=STRICTER, looser=LOOSER))
-            damping = other["damping"][0]
-            worse = float((ratio > 1.0 / BETTER).mean())
-            eta = f" (damping {damping:g})" if damping else ""
-            words.append(
-                f"{_words(experiment)}, {rival}{eta}: worse in {share(worse)}, peaks {_peak(mine)} against {_peak(other)} N"
-            )
-    return outcomes, "; ".join(words) + "."
+@dataclasses.dataclass(frozen=True, slots=True)
+class Rivalry:
+    """Run by run against one rival in one experiment.
+
+    Attributes:
+        experiment, rival: which. outcome: whether the force error is at most `BETTER` of the rival's.
+        damping: the rival's best, 0 for none. worse: share of the runs in which it is the rival's that is better so.
+        own_peak, peak: N, medians.
+    """
+
+    experiment: str
+    rival: str
+    outcome: Outcome
+    damping: float
+    worse: float
+    own_peak: float
+    peak: float
 
 
-def _peak(rows: pl.DataFrame) -> str:
-    return number(float(np.median(rows["peak"].to_numpy())))
+def _against(study: Study, experiment: str, rivals: Sequence[str], own: str = REVERSE) -> list[Rivalry]:
+    """The force error against each rival's, run by run; each damped method with its best damping."""
+    mine = study.best(experiment, own, gains=DAMPED) if own in SWEPT else study.pick(experiment, own, gains=DAMPED)
+    words = _words(experiment)
+    found = []
+    for rival in rivals:
+        other = study.best(experiment, rival, gains=DAMPED)
+        ratio = force_error(mine) / np.maximum(force_error(other), 1e-9)
+        than = outcome(f"{words}, than {rival}", mine, ratio, BETTER, stricter=STRICTER, looser=LOOSER)
+        worse = float((ratio > 1.0 / BETTER).mean())
+        found.append(Rivalry(words, rival, than, other["damping"][0], worse, _peak(mine), _peak(other)))
+    return found
+
+
+def _outcomes(found: Sequence[Rivalry], damped: Sequence[Rivalry]) -> list[Outcome]:
+    """Those of reverse priority as printed, and those with T_k damped under a label that says so."""
+    renamed = [dataclasses.replace(it.outcome, label=f"T_k damped: {it.outcome.label}") for it in damped]
+    return [*(it.outcome for it in found), *renamed]
+
+
+def _than_dls(found: Sequence[Rivalry]) -> Outcome:
+    return next(it.outcome for it in found if it.rival == DLS)
+
+
+def _peak(rows: pl.DataFrame) -> float:
+    return float(np.median(rows["peak"].to_numpy()))
 
 
 def first_wins(study: Study) -> Found:
     """F_x in the corner, against every method without and with priority."""
-    rivals = (CLASSICAL, DLS, DLS_VARIABLE, NULL_DAMPED, NULL_VARIABLE)
-    outcomes, words = _against(study, (CORNER,), rivals)
-    damped, damped_words = _against(study, (CORNER,), (DLS, NULL_DAMPED), REVERSE_DAMPED)
-    renamed = [dataclasses.replace(o, label=f"T_k damped: {o.label}") for o in damped]
-    parts = []
-    for recovery, label in ((0.05, "with anti-windup"), (-1.0, "without")):
-        late = {
-            f"{name} {eta:g}".strip(" 0") if name == REVERSE else f"{name} {eta:g}": float(
-                np.median(study.pick(RECOVERY, name, eta, recovery=recovery)["late_rms"].to_numpy())
-            )
-            for name, eta in ((REVERSE, 0.0), (DLS, 0.01), (DLS, 0.1), (NULL_DAMPED, 0.1))
-        }
-        parts.append(f"{label} " + ", ".join(f"{name} {number(value)} N" for name, value in late.items()))
-    regular = "Regular postures, where it is the pseudo-inverse; late RMS error, median: " + "; ".join(parts) + "."
-    best = outcomes[1]
+    found = _against(study, CORNER, (CLASSICAL, DLS, DLS_VARIABLE, NULL_DAMPED, NULL_VARIABLE))
+    damped = _against(study, CORNER, (DLS, NULL_DAMPED), REVERSE_DAMPED)
+    regular = say("first_wins_regular", wound=_late_errors(study, 0.05), free=_late_errors(study, -1.0))  # -1 is none
     return Found(
-        [*outcomes, *renamed],
-        f"near the singularity {best.figure('times the force error of DLS at its best')}",
-        f"{regular} Near the singularity, {words} With T_k damped: {damped_words}",
+        _outcomes(found, damped),
+        say("first_wins_number", than_dls=_than_dls(found)),
+        " ".join((regular, say("first_wins_near", found=found, damped=damped))),
         _theorem(algebra.same_as_pseudo_inverse()),
     )
+
+
+def _late_errors(study: Study, recovery: float) -> list[tuple[str, float, float]]:
+    """Method, damping and median late RMS error, N, from rest at regular postures."""
+    return [
+        (name, eta, float(np.median(study.pick(RECOVERY, name, eta, recovery=recovery)["late_rms"].to_numpy())))
+        for name, eta in ((REVERSE, 0.0), (DLS, 0.01), (DLS, 0.1), (NULL_DAMPED, 0.1))
+    ]
 
 
 def close_approach(study: Study) -> Found:
@@ -274,28 +290,23 @@ def close_approach(study: Study) -> Found:
             rows = study.pick(MEET, REVERSE, gains=gains, servo=servo, delay=0.0)
             outcomes.append(outcome(f"{gains}, servo x {servo:g}", rows, "overshoot", GENTLE))
     rows = study.pick(MEET, REVERSE, gains=PAPER, servo=1.0, delay=0.0)
-    peak = outcome("peak", rows, "peak", GENTLE + 30.0)
-    stiff = study.pick(MEET, REVERSE, gains=PAPER, servo=10.0, delay=0.0)["peak"].to_numpy()
+    stiff = study.pick(MEET, REVERSE, gains=PAPER, servo=10.0, delay=0.0)
     bouncing = float((rows["contact"].fill_null(0.0).to_numpy() < 1.0).mean())
     return Found(
         outcomes,
-        f"peak {peak.figure('N')} for 30 N with the paper's numbers",
-        f"With the paper's numbers the ball leaves the wall again in {share(bouncing)} of the runs; with servos ten times "
-        f"stiffer the median peak is {number(float(np.median(stiff)))} N (see the map).",
+        say("close_approach_number", peak=outcome("peak", rows, "peak", GENTLE + 30.0)),
+        say("close_approach_words", bouncing=bouncing, stiff_peak=_peak(stiff)),
     )
 
 
 def overwhelms(study: Study) -> Found:
     """The wall, against every method without and with priority."""
-    rivals = (CLASSICAL, DLS, DLS_VARIABLE, NULL_DAMPED, NULL_VARIABLE)
-    outcomes, words = _against(study, (WALL_NEAR,), rivals)
-    damped, damped_words = _against(study, (WALL_NEAR,), (DLS, DLS_VARIABLE, NULL_DAMPED), REVERSE_DAMPED)
-    renamed = [dataclasses.replace(o, label=f"T_k damped: {o.label}") for o in damped]
+    found = _against(study, WALL_NEAR, (CLASSICAL, DLS, DLS_VARIABLE, NULL_DAMPED, NULL_VARIABLE))
+    damped = _against(study, WALL_NEAR, (DLS, DLS_VARIABLE, NULL_DAMPED), REVERSE_DAMPED)
     return Found(
-        [*outcomes, *renamed],
-        f"near the singularity {outcomes[1].figure('times the force error of DLS at its best')}",
-        "At regular postures the two are equal, by the same theorem as above, so Figures 7 and 8 cannot differ by priority. "
-        f"Near a singularity, {words} With T_k damped: {damped_words}",
+        _outcomes(found, damped),
+        say("overwhelms_number", than_dls=_than_dls(found)),
+        say("overwhelms_words", found=found, damped=damped),
         _theorem(algebra.same_as_pseudo_inverse()),
     )
 
@@ -315,32 +326,25 @@ def rests(study: Study) -> Found:
             outcomes.append(outcome(f"{gains}, noise {noise:g} N", rows, "late_rms", RESTS))
     rows = study.pick(MEET, REVERSE, gains=PAPER, servo=1.0, delay=0.0)
     late = outcome("late", rows, "late_rms", RESTS)
-    return Found(outcomes, f"late RMS error {late.figure('N')}, without delay")
+    return Found(outcomes, say("rests_number", late=late))
 
 
 def tuning(study: Study) -> Found:
     """Overshoot over B_d."""
     paper = study.pick(MEET, REVERSE, gains=PAPER, servo=1.0, delay=0.0)
     base = np.asarray(paper["overshoot"].to_numpy(), dtype=np.float64)
-    outcomes, medians = [], []
+    outcomes: list[Outcome] = []
+    medians: dict[float, float] = {}
     for ratio in RATIOS:
         rows = study.pick(TUNING, REVERSE, damping_ratio=ratio)
         values = np.asarray(rows["overshoot"].to_numpy(), dtype=np.float64)
-        medians.append(f"{number(float(np.median(values)))} N at {ratio:g}")
-        outcomes.append(
-            outcome(
-                f"damping ratio {ratio:g}",
-                rows,
-                values / np.maximum(base, 1e-9),
-                BETTER,
-                stricter=STRICTER,
-                looser=LOOSER,
-            )
-        )
+        medians[ratio] = float(np.median(values))
+        less, label = values / np.maximum(base, 1e-9), f"damping ratio {ratio:g}"
+        outcomes.append(outcome(label, rows, less, BETTER, stricter=STRICTER, looser=LOOSER))
     return Found(
         outcomes,
-        f"median overshoot {number(float(np.median(base)))} N at damping ratio 0.06, {medians[2]}",
-        f"Median overshoot by damping ratio: {', '.join(medians)}.",
+        say("tuning_number", paper=float(np.median(base)), ratio=RATIOS[2], median=medians[RATIOS[2]]),
+        say("tuning_words", medians=medians),
     )
 
 
@@ -352,30 +356,27 @@ def impedance(study: Study) -> Found:
             for place in (REGULAR, SINGULAR):
                 rows = study.pick(PUSH, REVERSE, servo=servo, place=place)
                 outcomes.append(outcome(f"{what}, {place}, servo x {servo:g}", rows, what, IDEAL))
-    driven = ""
-    if study.has(PUSH_TORQUE):
-        for metric in ("none", "inertia"):
-            for what in ("translation", "rotation"):
-                for place in (REGULAR, SINGULAR):
-                    rows = study.pick(PUSH_TORQUE, REVERSE, metric=metric, place=place)
-                    label = "" if metric == "none" else ", metric M"
-                    outcomes.append(outcome(f"{what}, {place}, torque loop{label}", rows, what, IDEAL))
-        rows = study.pick(PUSH_TORQUE, REVERSE, metric="none", place=REGULAR)
-        by_torques = outcome("rotation, torque loop", rows, "rotation", IDEAL)
-        driven = (
-            f" With the law's accelerations by inverse dynamics in the place of the velocity servos, rotation is "
-            f"{by_torques.figure('% off', 100.0)} in regular postures."
-        )
     turned = study.pick(PUSH, REVERSE, servo=1.0, place=REGULAR)
-    rotation = outcome("rotation", turned, "rotation", IDEAL)
     damped = study.pick(PUSH, REVERSE_DAMPED, servo=1.0, place=SINGULAR)
-    off = outcome("T_k damped", damped, "translation", IDEAL)
-    return Found(
-        outcomes,
-        f"rotation {rotation.figure('% off the ideal', 100.0)} at default servos, regular postures",
-        f"Near singularities with T_k damped by {FIRST_DAMPING:g}, translation is {off.figure('% off', 100.0)}. The law is as "
-        "good as the velocity loop below it: the push acts on the joints as well as on the reference." + driven,
-    )
+    translation = outcome("T_k damped", damped, "translation", IDEAL)
+    words = say("impedance_words", damping=FIRST_DAMPING, translation=translation)
+    if study.has(PUSH_TORQUE):
+        outcomes += _by_torques(study)
+        driven = study.pick(PUSH_TORQUE, REVERSE, metric="none", place=REGULAR)
+        rotation = outcome("rotation, torque loop", driven, "rotation", IDEAL)
+        words = " ".join((words, say("impedance_by_torques", rotation=rotation)))
+    return Found(outcomes, say("impedance_number", rotation=outcome("rotation", turned, "rotation", IDEAL)), words)
+
+
+def _by_torques(study: Study) -> list[Outcome]:
+    """The same with the law's accelerations by inverse dynamics, without and with the inertia as metric."""
+    outcomes = []
+    for metric, label in (("none", ""), ("inertia", ", metric M")):
+        for what in ("translation", "rotation"):
+            for place in (REGULAR, SINGULAR):
+                rows = study.pick(PUSH_TORQUE, REVERSE, metric=metric, place=place)
+                outcomes.append(outcome(f"{what}, {place}, torque loop{label}", rows, what, IDEAL))
+    return outcomes
 
 
 def in_order(study: Study) -> Found:
@@ -389,16 +390,12 @@ def in_order(study: Study) -> Found:
         ratio = a / (b + 1e-4)  # a tenth of a millimetre is no difference
         outcomes.append(outcome(experiment, mine, ratio, 1.0 / BETTER, stricter=1.0 / LOOSER, looser=1.0 / STRICTER))
     reverse, null_space = algebra.third_disturbs_second()
-    example = (
-        "Counterexample: J_1 = (1, 1), J_2 = (1, 0), J_3 = (0, 1), v = (1, 0, 0): strict priority gives J_2 x = "
-        f"{number(null_space) if abs(null_space) > 1e-12 else '0'}, reverse priority {number(reverse)}, because its last step "
-        "disturbs levels 2 and 3 jointly and not in their order."
-    )
+    strict = null_space if abs(null_space) > 1e-12 else 0.0
     return Found(
         outcomes,
-        f"second level's error {outcomes[-1].figure('times that of null-space priority')} in the conflict near a singularity",
+        say("in_order_number", error=outcomes[-1]),
         "",
-        example,
+        say("in_order_counterexample", strict=strict, reverse=reverse),
         FAILS if abs(reverse - null_space) > algebra.ROUNDING else "",
     )
 
@@ -414,14 +411,11 @@ def conflict(study: Study) -> Found:
             rows = study.best(experiment, REVERSE_DAMPED, gains=DAMPED)
             outcomes.append(outcome(_label(experiment, "T_k damped"), rows, "late_rms", KEPT))
     outcomes.append(outcome(f"friction {FRICTIONS[-1]:g}", study.pick(RUB, REVERSE), "late_rms", KEPT))
-    compared = []
-    for label in (NULL_SPACE, CASCADE):
-        rows = study.pick(CONFLICT, label)
-        o = outcome(label, rows, "late_rms", KEPT)
-        compared.append(f"{label} {share(o.passed)}")
+    others = {
+        label: outcome(label, study.pick(CONFLICT, label), "late_rms", KEPT).passed for label in (NULL_SPACE, CASCADE)
+    }
     late = outcome("late", study.pick(CONFLICT, REVERSE), "late_rms", KEPT)
-    words = f"In the conflict at regular postures others keep it in: {', '.join(compared)} of the runs."
-    return Found(outcomes, f"late RMS error {late.figure('N')} in the conflict, regular postures", words)
+    return Found(outcomes, say("conflict_number", late=late), say("conflict_words", others=others))
 
 
 def _label(experiment: str, words: str) -> str:
@@ -431,27 +425,26 @@ def _label(experiment: str, words: str) -> str:
 
 def improves(study: Study) -> Found:
     """Three levels against methods with and without priority."""
-    outcomes: list[Outcome] = []
-    words = []
-    for experiment, rivals in (
-        (WIPE_NEAR, (CLASSICAL, DLS, WEIGHTED, NULL_DAMPED)),
-        (CONFLICT_NEAR, (CLASSICAL, DLS, WEIGHTED, NULL_DAMPED)),
-    ):
-        found, sentence = _against(study, (experiment,), rivals, REVERSE_DAMPED)
-        outcomes += found
-        words.append(sentence)
-    for experiment in (WIPE, CONFLICT):
-        mine = study.pick(experiment, REVERSE)
-        for rival in (CLASSICAL, DLS, WEIGHTED):
-            ratio = force_error(mine) / np.maximum(force_error(study.pick(experiment, rival)), 1e-9)
-            label = f"{experiment}, regular, than {rival}"
-            outcomes.append(outcome(label, mine, ratio, BETTER, stricter=STRICTER, looser=LOOSER))
-    conflict = next(o for o in outcomes if o.label == f"{CONFLICT}, regular, than {CLASSICAL}")
+    rivals = (CLASSICAL, DLS, WEIGHTED, NULL_DAMPED)
+    near = [_against(study, experiment, rivals, REVERSE_DAMPED) for experiment in (WIPE_NEAR, CONFLICT_NEAR)]
+    regular = {
+        (experiment, rival): _regular(study, experiment, rival)
+        for experiment in (WIPE, CONFLICT)
+        for rival in (CLASSICAL, DLS, WEIGHTED)
+    }
     return Found(
-        outcomes,
-        f"force error in the conflict {conflict.figure('times that of the pseudo-inverse')}",
-        f"Near singularities, T_k damped: {' '.join(words)}",
+        [*(it.outcome for found in near for it in found), *regular.values()],
+        say("improves_number", than_pseudo_inverse=regular[CONFLICT, CLASSICAL]),
+        say("improves_words", near=near),
     )
+
+
+def _regular(study: Study, experiment: str, rival: str) -> Outcome:
+    """Undamped reverse priority against a rival, run by run, at regular postures."""
+    mine, other = (study.pick(experiment, label) for label in (REVERSE, rival))
+    ratio = force_error(mine) / np.maximum(force_error(other), 1e-9)
+    label = f"{experiment}, regular, than {rival}"
+    return outcome(label, mine, ratio, BETTER, stricter=STRICTER, looser=LOOSER)
 
 
 def hybrid(study: Study) -> Found:
@@ -467,6 +460,6 @@ def hybrid(study: Study) -> Found:
     off = outcome("path", rubbed, "position", ON_PATH)
     return Found(
         outcomes,
-        f"{off.figure('mm', 1e3)} off the path with friction {FRICTIONS[-1]:g}",
-        "Friction pushes along the path, and an impedance yields to it by F / K_d: the law, not a fault of the solver.",
+        say("hybrid_number", off=off, friction=FRICTIONS[-1]),
+        say("hybrid_words"),
     )
