@@ -34,6 +34,12 @@ class Theorem:
         """Whether the check found nothing beyond rounding."""
         return self.largest <= ROUNDING
 
+    @property
+    def told(self) -> str:
+        """Statement, proof and check, in sentences."""
+        checked = say("checked", draws=DRAWS, largest=self.largest)
+        return f"Theorem: {self.statement}. {self.proof} {checked}"
+
 
 @functools.cache
 def first_level_kept() -> Theorem:

@@ -28,7 +28,7 @@ from hqp_rp.compare.claims.experiments import (
     WIPE,
 )
 from hqp_rp.compare.claims.ideal import delay_margin, ideal_contact
-from hqp_rp.compare.claims.judges import Study, force_error
+from hqp_rp.compare.claims.judges.study import Study, force_error
 from hqp_rp.compare.claims.methods import (
     CASCADE,
     CLASSICAL,

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from hqp_rp.compare.claims.experiments import POSTURES
-from hqp_rp.compare.claims.judges import FAILS
+from hqp_rp.compare.claims.judges.criteria import FAILS
 from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict
 from hqp_rp.compare.figures.chart import Chart, Grid, Lines, Picture, Style
 from hqp_rp.compare.report.sentences import Sentences

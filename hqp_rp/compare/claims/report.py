@@ -12,7 +12,8 @@ import polars as pl
 
 from hqp_rp.compare.claims.charts import Curves, chart_styles, evidence
 from hqp_rp.compare.claims.experiments import POSTURES, SEEDS, Places, find_places, trials
-from hqp_rp.compare.claims.judges import FAILS, Study
+from hqp_rp.compare.claims.judges.criteria import FAILS
+from hqp_rp.compare.claims.judges.study import Study
 from hqp_rp.compare.claims.methods import FIXED, SWEPT, method
 from hqp_rp.compare.claims.outcomes import FACTOR, HALF, MOST, RESAMPLES
 from hqp_rp.compare.claims.overview import overview

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 import polars as pl
 
-from hqp_rp.compare.claims import judges
 from hqp_rp.compare.claims.experiments import (
     CONFLICT,
     CONFLICT_NEAR,
@@ -25,7 +24,8 @@ from hqp_rp.compare.claims.experiments import (
     WIPE,
     WIPE_NEAR,
 )
-from hqp_rp.compare.claims.judges import (
+from hqp_rp.compare.claims.judges import laws, levels, rivals, singular, wall
+from hqp_rp.compare.claims.judges.criteria import (
     ALTERNATING,
     BETTER,
     BOUNDED,
@@ -35,9 +35,8 @@ from hqp_rp.compare.claims.judges import (
     KEPT,
     ON_PATH,
     RESTS,
-    Found,
-    Study,
 )
+from hqp_rp.compare.claims.judges.study import Found, Study
 from hqp_rp.compare.claims.outcomes import Outcome, summary
 from hqp_rp.compare.report.sentences import Sentences
 
@@ -120,7 +119,7 @@ def _claims() -> tuple[_Claim, ...]:
             "abstract; conclusion",
             say("undisturbed_tested", kept=KEPT),
             (CORNER, WIPE_NEAR, CONFLICT_NEAR),
-            judges.undisturbed,
+            singular.undisturbed,
         ),
         _Claim(
             "no algorithmic singularities",
@@ -128,7 +127,7 @@ def _claims() -> tuple[_Claim, ...]:
             "abstract; 4.3; conclusion",
             say("singularity_free_tested", bounded=BOUNDED),
             (CORNER, RECOVERY, WIPE_NEAR, WIPE, CONFLICT_NEAR, CONFLICT),
-            judges.singularity_free,
+            singular.singularity_free,
         ),
         _Claim(
             "tracks the alternating force",
@@ -136,7 +135,7 @@ def _claims() -> tuple[_Claim, ...]:
             "5.1, Figure 5",
             say("tracks_tested", alternating=ALTERNATING),
             (TRACK, TRACK_FAST),
-            judges.tracks,
+            laws.tracks,
         ),
         _Claim(
             "F_x better than classical",
@@ -144,7 +143,7 @@ def _claims() -> tuple[_Claim, ...]:
             "5.1, Figures 5 and 6",
             say("first_wins_tested", better=BETTER),
             (CORNER, RECOVERY),
-            judges.first_wins,
+            rivals.first_wins,
         ),
         _Claim(
             "close approach goes well",
@@ -152,7 +151,7 @@ def _claims() -> tuple[_Claim, ...]:
             "5.2, Figure 7",
             say("close_approach_tested", gentle=GENTLE),
             (MEET,),
-            judges.close_approach,
+            wall.close_approach,
         ),
         _Claim(
             "overwhelms classical impedance",
@@ -160,7 +159,7 @@ def _claims() -> tuple[_Claim, ...]:
             "5.2, Figures 7 and 8",
             say("overwhelms_tested", better=BETTER),
             (WALL_NEAR,),
-            judges.overwhelms,
+            rivals.overwhelms,
         ),
         _Claim(
             "30 N in the end, stable",
@@ -168,7 +167,7 @@ def _claims() -> tuple[_Claim, ...]:
             "5.2, Figure 7",
             say("rests_tested", rests=RESTS),
             (MEET, NOISE),
-            judges.rests,
+            wall.rests,
         ),
         _Claim(
             "M_d and B_d adjust the response",
@@ -176,7 +175,7 @@ def _claims() -> tuple[_Claim, ...]:
             "4.1, after (37)",
             say("tuning_tested", better=BETTER),
             (MEET, TUNING),
-            judges.tuning,
+            wall.tuning,
         ),
         _Claim(
             "(47) gives the desired impedance",
@@ -184,7 +183,7 @@ def _claims() -> tuple[_Claim, ...]:
             "4.2, after (47)",
             say("impedance_tested", ideal=IDEAL),
             (PUSH,),
-            judges.impedance,
+            laws.impedance,
         ),
         _Claim(
             "any number of strict levels",
@@ -192,7 +191,7 @@ def _claims() -> tuple[_Claim, ...]:
             "4.3; conclusion",
             say("in_order_tested", worse=1.0 / BETTER),
             (WIPE, CONFLICT, WIPE_NEAR, CONFLICT_NEAR),
-            judges.in_order,
+            levels.in_order,
         ),
         _Claim(
             "primary kept in conflict",
@@ -200,7 +199,7 @@ def _claims() -> tuple[_Claim, ...]:
             "introduction, goals (1)-(3); conclusion",
             say("conflict_tested", kept=KEPT),
             (CONFLICT, CONFLICT_NEAR, WIPE_NEAR, RUB),
-            judges.conflict,
+            levels.conflict,
         ),
         _Claim(
             "hierarchy improves accuracy",
@@ -208,7 +207,7 @@ def _claims() -> tuple[_Claim, ...]:
             "conclusion",
             say("improves_tested", better=BETTER),
             (WIPE, CONFLICT, WIPE_NEAR, CONFLICT_NEAR),
-            judges.improves,
+            rivals.improves,
         ),
         _Claim(
             "hybrid control with S",
@@ -216,6 +215,6 @@ def _claims() -> tuple[_Claim, ...]:
             "4.3, (48)-(52)",
             say("hybrid_tested", kept=KEPT, on_path=ON_PATH),
             (HYBRID,),
-            judges.hybrid,
+            laws.hybrid,
         ),
     )

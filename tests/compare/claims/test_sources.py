@@ -134,6 +134,7 @@ def test_everything_that_makes_a_result_is_among_the_sources() -> None:
         "compare/claims/experiments.py",
         "compare/claims/trials.py",
         "compare/claims/verdicts.py",
+        "compare/claims/judges/rivals.py",
         "scenarios/_contact.py",
         "scenarios/sawyer_push_response.py",
         "control/admittance.py",

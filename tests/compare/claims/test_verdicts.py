@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from hqp_rp.compare.claims import algebra
-from hqp_rp.compare.claims.judges import FAILS
+from hqp_rp.compare.claims.judges.criteria import FAILS
 from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict, verdicts
 from hqp_rp.scenarios._interaction import DAMPED, PAPER
 from tests.compare.claims.study import made_up
