@@ -10,7 +10,9 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from hqp_rp.compare.claims.charts import Curves, chart_styles, evidence
+from hqp_rp.compare.claims.charts.curves import Curves
+from hqp_rp.compare.claims.charts.evidence import evidence
+from hqp_rp.compare.claims.charts.styles import chart_styles
 from hqp_rp.compare.claims.experiments import POSTURES, SEEDS, Places, find_places, trials
 from hqp_rp.compare.claims.judges.criteria import FAILS
 from hqp_rp.compare.claims.judges.study import Study

@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 
 from hqp_rp.compare.claims import report as module
-from hqp_rp.compare.claims.charts import EQUAL, merged
+from hqp_rp.compare.claims.charts.curves import EQUAL, merged
 from hqp_rp.compare.claims.experiments import Places, trials
 from hqp_rp.compare.claims.methods import FIXED, SWEPT, WITHIN_LIMITS
 from hqp_rp.compare.claims.report import ClaimsStudy, study_claims
