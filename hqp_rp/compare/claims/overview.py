@@ -88,7 +88,7 @@ def overview(verdicts: Sequence[Verdict], charts: Sequence[Chart], styles: Mappi
 
 def _conditions(verdict: Verdict) -> str:
     """Whether algebra has a say, where it holds and where it does not, as far as there is room."""
-    parts = ["theorem below"] if verdict.theorem.startswith("Theorem") else []
+    parts = ["theorem below"] if verdict.proven else []
     for state, words in ((True, "holds"), (False, "does not")):
         own = [o.label for o in verdict.outcomes if o.holds is state]
         if own and verdict.word == DEPENDS:

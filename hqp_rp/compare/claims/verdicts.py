@@ -54,7 +54,7 @@ class Verdict:
         word: `HOLDS`, `DEPENDS`, `FAILS` or `UNRULED`.
         number: the one figure, with its interval. why: what the verdict depends on.
         tested: a sentence, what was run, and the criterion. outcomes: in how many of the runs it is met.
-        theorem: what follows from algebra, with its proof, "" for nothing.
+        theorem: what follows from algebra, with its proof, or a counterexample, "" for neither; proven: it is the former.
     """
 
     name: str
@@ -66,6 +66,7 @@ class Verdict:
     tested: str
     outcomes: tuple[Outcome, ...]
     theorem: str = ""
+    proven: bool = False
 
 
 def verdicts(rows: pl.DataFrame) -> tuple[Verdict, ...]:
@@ -85,7 +86,9 @@ def _verdict(it: _Claim, study: Study) -> Verdict:
     outcomes = tuple(found.outcomes)
     why = " ".join(part for part in (found.words, summary(outcomes)) if part)
     word = found.word or _word(outcomes)
-    return Verdict(it.name, it.claim, it.where, word, found.number, why, it.tested, outcomes, found.theorem)
+    proven = found.theorem is not None
+    algebra = found.theorem.told if found.theorem else found.counterexample
+    return Verdict(it.name, it.claim, it.where, word, found.number, why, it.tested, outcomes, algebra, proven)
 
 
 def _word(outcomes: Sequence[Outcome]) -> str:

@@ -29,9 +29,8 @@ def in_order(study: Study) -> Found:
     return Found(
         outcomes,
         say("in_order_number", error=outcomes[-1]),
-        "",
-        say("in_order_counterexample", strict=strict, reverse=reverse),
-        FAILS if abs(reverse - null_space) > algebra.ROUNDING else "",
+        counterexample=say("in_order_counterexample", strict=strict, reverse=reverse),
+        word=FAILS if abs(reverse - null_space) > algebra.ROUNDING else "",
     )
 
 

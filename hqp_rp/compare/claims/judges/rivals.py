@@ -81,7 +81,7 @@ def first_wins(study: Study) -> Found:
         _outcomes(found, damped),
         say("first_wins_number", than_dls=_than_dls(found)),
         " ".join((regular, say("first_wins_near", found=found, damped=damped))),
-        algebra.same_as_pseudo_inverse().told,
+        algebra.same_as_pseudo_inverse(),
     )
 
 
@@ -101,7 +101,7 @@ def overwhelms(study: Study) -> Found:
         _outcomes(found, damped),
         say("overwhelms_number", than_dls=_than_dls(found)),
         say("overwhelms_words", found=found, damped=damped),
-        algebra.same_as_pseudo_inverse().told,
+        algebra.same_as_pseudo_inverse(),
     )
 
 

@@ -49,8 +49,8 @@ def undisturbed(study: Study) -> Found:
         outcomes,
         say("undisturbed_number", lost=lost, largest=largest),
         say("undisturbed_words"),
-        theorem.told,
-        "" if theorem.checked else FAILS,
+        theorem,
+        word="" if theorem.checked else FAILS,
     )
 
 
@@ -75,5 +75,5 @@ def singularity_free(study: Study) -> Found:
         outcomes,
         say("singularity_free_number", largest=float(together.max()), median=float(np.median(together))),
         say("singularity_free_words"),
-        algebra.same_on_two_levels().told,
+        algebra.same_on_two_levels(),
     )

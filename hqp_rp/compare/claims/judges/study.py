@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
+from hqp_rp.compare.claims.algebra import Theorem
 from hqp_rp.compare.claims.outcomes import Outcome
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios._interaction import DAMPED
@@ -18,12 +19,13 @@ NOTHING = 30.0
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Found:
-    """What a judge found: outcomes that decide, the number, what to add to the summary, a theorem, and a word it forces."""
+    """What a judge found: outcomes that decide, the number, what to add to the summary; what algebra says, a word it forces."""
 
     outcomes: Sequence[Outcome]
     number: str
     words: str = ""
-    theorem: str = ""
+    theorem: Theorem | None = None
+    counterexample: str = ""
     word: str = ""
 
 
