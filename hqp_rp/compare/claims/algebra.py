@@ -8,9 +8,12 @@ import itertools
 
 import numpy as np
 
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import Solver, get_solver
 from hqp_rp.robot.arms import sawyer
+
+say = Sentences(__file__)
 
 DRAWS = 1000
 ROUNDING = 1e-9
@@ -31,6 +34,12 @@ class Theorem:
         """Whether the check found nothing beyond rounding."""
         return self.largest <= ROUNDING
 
+    @property
+    def told(self) -> str:
+        """Statement, proof and check, in sentences."""
+        checked = say("checked", draws=DRAWS, largest=self.largest)
+        return f"Theorem: {self.statement}. {self.proof} {checked}"
+
 
 @functools.cache
 def first_level_kept() -> Theorem:
@@ -40,12 +49,7 @@ def first_level_kept() -> Theorem:
     for J, v, cuts in _random_stacks(full=False):
         x = _answer(reverse, J, v, cuts)
         worst = max(worst, _size(J[: cuts[0]] @ x - v[: cuts[0]]) / max(_size(x), 1.0))
-    return Theorem(
-        "J_1 x = v_1 whenever the first level can be met by itself, whatever the lower levels are",
-        "J_1 T_1 is the leading block of the projector J J^+, so its range is that of J_1, which holds v_1 - J_1 x_2. The last "
-        "step of (29) adds T_1 (J_1 T_1)^+ (v_1 - J_1 x_2): then J_1 x = v_1.",
-        worst,
-    )
+    return Theorem(say("first_level_kept"), say("first_level_kept_proof"), worst)
 
 
 @functools.cache
@@ -56,12 +60,7 @@ def same_on_two_levels() -> Theorem:
     for J, v, cuts in _random_stacks(full=False):
         a, b = (_answer(solver, J, v, cuts[:1]) for solver in (reverse, null_space))
         worst = max(worst, _size(a - b) / _size(b))
-    return Theorem(
-        "with two levels, undamped, reverse priority and null-space priority are equal in every posture, singular or not",
-        "Of all x with J_1 x = v_1, the last step of (29) takes the one that changes J_2 x least from its least-squares value, "
-        "and is shortest: both minimize |J_2 x - v_2| over them. That is the definition of null-space priority.",
-        worst,
-    )
+    return Theorem(say("same_on_two_levels"), say("same_on_two_levels_proof"), worst)
 
 
 @functools.cache
@@ -72,12 +71,7 @@ def same_as_pseudo_inverse() -> Theorem:
     for J, v, cuts in _random_stacks(full=True):
         a, *others = (_answer(solver, J, v, cuts) for solver in solvers)
         worst = max([worst, *(_size(a - b) / _size(b) for b in others)])
-    return Theorem(
-        "where J = [J_1; ...; J_p] has full row rank, reverse priority, null-space priority and the pseudo-inverse are equal",
-        "Each gives an x with J x = v (every level is met) in the range of J^T (a sum of columns of T_k or of projected "
-        "J_k^+). There is one such x: J^+ v.",
-        worst,
-    )
+    return Theorem(say("same_as_pseudo_inverse"), say("same_as_pseudo_inverse_proof"), worst)
 
 
 def third_disturbs_second() -> tuple[float, float]:

@@ -10,8 +10,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hqp_rp.compare.report.words import number, share
+from hqp_rp.compare.report.sentences import Sentences
+from hqp_rp.compare.report.words import number
 from hqp_rp.core.problem import FloatArray
+
+say = Sentences(__file__)
 
 MOST, HALF = 0.95, 0.5
 """A criterion holds where at least this share of the runs meets it, and does not where less than half of them do."""
@@ -49,14 +52,10 @@ class Outcome:
         return _state(self.passed)
 
     @property
-    def turns(self) -> str:
-        """With which other threshold it would be ruled on otherwise: "smaller", "larger", "smaller or larger" or ""."""
-        other = [
-            words
-            for words, value in (("smaller", self.stricter), ("larger", self.looser))
-            if _state(value) != self.holds
-        ]
-        return " or ".join(other)
+    def turns(self) -> tuple[str, ...]:
+        """With which other threshold it would be ruled on otherwise: "smaller", "larger", both or none."""
+        other = {"smaller": self.stricter, "larger": self.looser}
+        return tuple(words for words, value in other.items() if _state(value) != self.holds)
 
     def figure(self, unit: str, scale: float = 1.0) -> str:
         """The median with its interval."""
@@ -125,12 +124,9 @@ def _resampled(
 
 def summary(outcomes: Sequence[Outcome]) -> str:
     """Where it holds, where it does not, where some postures decide, and what hangs on the threshold, in sentences."""
-    parts = []
-    for state, words in ((True, "Holds"), (None, "In some postures"), (False, "Does not hold")):
-        own = [f"{o.label} ({share(o.passed)})" if state is None else o.label for o in outcomes if o.holds is state]
-        if own:
-            parts.append(f"{words}: {'; '.join(own)}.")
-    turning = [f"{o.label} ({o.turns})" for o in outcomes if o.turns]
+    holds, partly, fails = ([o for o in outcomes if o.holds is state] for state in (True, None, False))
+    turning = [o for o in outcomes if o.turns]
+    parts = [say("holds_where", holds=holds, partly=partly, fails=fails)]
     if turning:
-        parts.append(f"A threshold {FACTOR:g} times smaller or larger would change: {'; '.join(turning)}.")
+        parts.append(say("other_thresholds", turning=turning, factor=FACTOR))
     return " ".join(parts)

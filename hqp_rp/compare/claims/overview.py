@@ -11,9 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from hqp_rp.compare.claims.judges import FAILS
+from hqp_rp.compare.claims.experiments import POSTURES
+from hqp_rp.compare.claims.judges.criteria import FAILS
 from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict
 from hqp_rp.compare.figures.chart import Chart, Grid, Lines, Picture, Style
+from hqp_rp.compare.report.sentences import Sentences
+
+say = Sentences(__file__)
 
 _COLOURS = {HOLDS: "#0072B2", DEPENDS: "#E69F00", FAILS: "#D55E00", UNRULED: "#999999"}
 _THUMBNAILS = {
@@ -76,16 +80,15 @@ def overview(verdicts: Sequence[Verdict], charts: Sequence[Chart], styles: Mappi
     figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
     return Picture(
         "overview",
-        "Every claim at a glance",
-        "Each square is one condition under which the claim was tested, each over 20 postures. The curves on the right are "
-        "the figures of the sections below.",
+        say("overview_title"),
+        say("overview_caption", postures=POSTURES),
         buffer.getvalue(),
     )
 
 
 def _conditions(verdict: Verdict) -> str:
     """Whether algebra has a say, where it holds and where it does not, as far as there is room."""
-    parts = ["theorem below"] if verdict.theorem.startswith("Theorem") else []
+    parts = ["theorem below"] if verdict.proven else []
     for state, words in ((True, "holds"), (False, "does not")):
         own = [o.label for o in verdict.outcomes if o.holds is state]
         if own and verdict.word == DEPENDS:

@@ -10,11 +10,14 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from hqp_rp.compare.claims.charts import Curves, chart_styles, evidence
+from hqp_rp.compare.claims.charts.curves import Curves
+from hqp_rp.compare.claims.charts.evidence import evidence
+from hqp_rp.compare.claims.charts.styles import chart_styles
 from hqp_rp.compare.claims.experiments import POSTURES, SEEDS, Places, find_places, trials
-from hqp_rp.compare.claims.judges import FAILS, Study
+from hqp_rp.compare.claims.judges.criteria import FAILS
+from hqp_rp.compare.claims.judges.study import Study
 from hqp_rp.compare.claims.methods import FIXED, SWEPT, method
-from hqp_rp.compare.claims.outcomes import FACTOR, HALF, MOST
+from hqp_rp.compare.claims.outcomes import FACTOR, HALF, MOST, RESAMPLES
 from hqp_rp.compare.claims.overview import overview
 from hqp_rp.compare.claims.places import LEAST_SIGMA, ROOM
 from hqp_rp.compare.claims.shown import curves, films, halved, shown
@@ -24,10 +27,13 @@ from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict, ver
 from hqp_rp.compare.figures.chart import Chart, Picture
 from hqp_rp.compare.machine import machine, usable_cores, versions
 from hqp_rp.compare.report.report import Opening, Report, Section, Table
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.report.words import number, share
 from hqp_rp.compare.report.write import write_report
 from hqp_rp.compare.run_folder import RunFolder, write_parquet
 from hqp_rp.scenarios._interaction import Interaction
+
+say = Sentences(__file__)
 
 FILES = ("report.html", "report.md", "figures", "results", "films")
 _COUNTED = (
@@ -138,8 +144,8 @@ def _report(study: ClaimsStudy, films: Sequence[str], folder: pathlib.Path | Non
         Section("Settings", tables=_settings(study)),
     )
     return Report(
-        "The paper's claims, tested" + (" (short study)" if study.quick else ""),
-        "Which claims about reverse-priority force, impedance and hybrid control hold in simulation, and what does it hang on?",
+        say("title", quick=study.quick),
+        say("question"),
         sections,
         styles,
         _opening(judged, picture),
@@ -164,18 +170,13 @@ def _claims(judged: Sequence[Verdict]) -> Table:
         "The claims",
         ("claim", "where", "verdict", "the one number"),
         tuple((v.claim, v.where, v.word, v.number or v.why) for v in judged),
-        "Holds: under every condition. Does not hold: under none, or refuted by algebra. Depends: under some; the sections "
-        "below say which. Intervals: 95 %, bootstrap over the postures.",
+        say("claims_caption"),
         text=frozenset(range(4)),
     )
 
 
 def _verdict(verdict: Verdict) -> Section:
-    sentences = [
-        f"{verdict.claim} ({verdict.where}.) Verdict: {verdict.word}.",
-        f"Tested: {verdict.tested}" + ("" if verdict.tested.endswith("?") else "."),
-    ]
-    sentences += [words for words in (verdict.why, verdict.theorem) if words]
+    sentences = (say("judged", verdict=verdict), verdict.tested, verdict.why, verdict.theorem)
     rows = tuple(
         (
             o.label,
@@ -200,40 +201,22 @@ def _verdict(verdict: Verdict) -> Section:
         "interval",
     )
     tables = (Table("In how many runs", header, rows),) if rows else ()
-    return Section(verdict.name[0].upper() + verdict.name[1:], tuple(sentences), tables=tables)
+    title = verdict.name[0].upper() + verdict.name[1:]
+    return Section(title, tuple(filter(None, sentences)), tables=tables)
 
 
 def _limits(drawn: Sequence[Trial]) -> tuple[str, ...]:
     own = dict.fromkeys(sentence for trial in drawn for sentence in type(trial.scenario).cannot_tell)
-    return (
-        *own,
-        "No experiments on a robot: the paper has none either. Underwater, space and mobile manipulators (4.3) are not tested.",
-        "The paper gives no posture, control period, servo gain or springs; what was chosen is varied where a verdict could "
-        "hang on it, and said.",
-        "A damped method is shown with the best of its sweep, chosen on the same runs that it is judged on: a little in its "
-        "favour.",
-    )
+    return (*own, say("no_robot"), say("not_given"), say("best_of_sweep"))
 
 
 def _method(study: ClaimsStudy) -> tuple[str, ...]:
     return (
-        f"{study.rows.height} runs. A condition is {POSTURES} postures, each with one of {SEEDS} seeds of sensor noise "
-        "(0.2 N) and start offset (0.01 rad); maps and the Bode figure have fewer, as they say.",
-        f"Regular postures: the neutral one and others drawn uniformly, {ROOM:g} rad from every joint limit, no singular value "
-        f"of the tool's Jacobian below {LEAST_SIGMA:g}. Singular ones: {POSTURES} singularities found by search, and a "
-        "start 0.1 rad (corner, wall) or 0.4 rad (conflict) beside them, or a path through them (wipe).",
-        f"A claim holds under a condition when at least {share(MOST)} of the runs meet the criterion, and does not when less "
-        f"than {share(HALF)} do; every table shows what a threshold {FACTOR:g} times smaller or larger would say.",
-        "Intervals: postures are drawn again with all their runs, 1000 times.",
+        say("runs", runs=study.rows.height, postures=POSTURES, seeds=SEEDS),
+        say("postures", room=ROOM, least_sigma=LEAST_SIGMA, count=POSTURES),
+        say("criterion", most=MOST, half=HALF, factor=FACTOR),
+        say("intervals", resamples=RESAMPLES),
     )
-
-
-_FILMS = {
-    "conflict": "Force against a point out of reach: reverse priority (T_k damped) and the pseudo-inverse",
-    "wipe": "Through a singularity: reverse priority as printed and with T_k damped",
-    "wall": "The wall with the paper's numbers and well damped",
-    "wall_near_singular": "The wall beside a singularity: reverse priority (T_k damped) and the undamped pseudo-inverse",
-}
 
 
 def _film_section(films: Sequence[str], folder: pathlib.Path | None) -> Section:
@@ -242,11 +225,10 @@ def _film_section(films: Sequence[str], folder: pathlib.Path | None) -> Section:
     for name in (film.removesuffix(".webp") for film in films if film.endswith(".webp")):
         still = None if folder is None else folder / f"{name}.png"
         if still is not None and still.exists():
-            caption = f"A still of films/{name}.webp (side by side, in real time) where the forces differ most."
-            stills.append(Picture(f"film-{name.replace('_', '-')}", _FILMS[name], caption, still.read_bytes()))
-    words = tuple(words for words in films if not words.endswith(".webp")) or (
-        () if films else ("There are none in this run.",)
-    )
+            title, caption = say("film", name=name), say("still", name=name)
+            stills.append(Picture(f"film-{name.replace('_', '-')}", title, caption, still.read_bytes()))
+    reasons = tuple(words for words in films if not words.endswith(".webp"))
+    words = reasons if films else (say("no_films"),)
     return Section("Films", words, charts=tuple(stills))
 
 
@@ -264,11 +246,10 @@ def _halved(study: ClaimsStudy) -> Table:
         words = f"{trial.gains}, servo x {trial.scenario.servo:g}{hard}"
         rows.append((trial.experiment, trial.method.label, words, "; ".join(changed) or "none"))
     return Table(
-        "Which figures of the drawn runs change when the simulation's time step is halved",
+        say("halved_title"),
         ("experiment", "method", "settings", "figures that change, to two digits"),
         tuple(rows),
-        f"In {same} of {len(rows)} runs none does. Where the force bounces or x explodes a run is chaotic, and its figures are "
-        "one sample; the verdicts rest on medians over postures.",
+        say("halved_caption", same=same, runs=len(rows)),
         text=frozenset(range(4)),
     )
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 import polars as pl
 
-from hqp_rp.compare.claims import judges
 from hqp_rp.compare.claims.experiments import (
     CONFLICT,
     CONFLICT_NEAR,
@@ -25,7 +24,8 @@ from hqp_rp.compare.claims.experiments import (
     WIPE,
     WIPE_NEAR,
 )
-from hqp_rp.compare.claims.judges import (
+from hqp_rp.compare.claims.judges import laws, levels, rivals, singular, wall
+from hqp_rp.compare.claims.judges.criteria import (
     ALTERNATING,
     BETTER,
     BOUNDED,
@@ -35,11 +35,12 @@ from hqp_rp.compare.claims.judges import (
     KEPT,
     ON_PATH,
     RESTS,
-    Found,
-    Study,
 )
+from hqp_rp.compare.claims.judges.study import Found, Study
 from hqp_rp.compare.claims.outcomes import Outcome, summary
-from hqp_rp.compare.report.words import share
+from hqp_rp.compare.report.sentences import Sentences
+
+say = Sentences(__file__)
 
 HOLDS, DEPENDS, UNRULED = "holds", "depends", "not ruled on"
 
@@ -52,8 +53,8 @@ class Verdict:
         name: short, for pictures. claim, where: what the paper says, and where.
         word: `HOLDS`, `DEPENDS`, `FAILS` or `UNRULED`.
         number: the one figure, with its interval. why: what the verdict depends on.
-        tested: what was run, and the criterion. outcomes: in how many of the runs it is met.
-        theorem: what follows from algebra, with its proof, "" for nothing.
+        tested: a sentence, what was run, and the criterion. outcomes: in how many of the runs it is met.
+        theorem: what follows from algebra, with its proof, or a counterexample, "" for neither; proven: it is the former.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Verdict:
     tested: str
     outcomes: tuple[Outcome, ...]
     theorem: str = ""
+    proven: bool = False
 
 
 def verdicts(rows: pl.DataFrame) -> tuple[Verdict, ...]:
@@ -73,19 +75,20 @@ def verdicts(rows: pl.DataFrame) -> tuple[Verdict, ...]:
     A claim whose experiments are not among the rows is not ruled on.
     """
     study = Study(rows)
-    found = []
-    for name, claim, where, tested, needs, judge in _CLAIMS:
-        if not study.has(*needs):
-            missing = ", ".join(e for e in needs if not study.has(e))
-            why = f"Needs the full study: {missing}."
-            found.append(Verdict(name, claim, where, UNRULED, "", why, tested, ()))
-            continue
-        it = judge(study)
-        outcomes = tuple(it.outcomes)
-        why = " ".join(part for part in (it.words, summary(outcomes)) if part)
-        word = it.word or _word(outcomes)
-        found.append(Verdict(name, claim, where, word, it.number, why, tested, outcomes, it.theorem))
-    return tuple(found)
+    return tuple(_verdict(claim, study) for claim in _claims())
+
+
+def _verdict(it: _Claim, study: Study) -> Verdict:
+    missing = [experiment for experiment in it.needs if not study.has(experiment)]
+    if missing:
+        return Verdict(it.name, it.claim, it.where, UNRULED, "", say("unruled", missing=missing), it.tested, ())
+    found = it.judge(study)
+    outcomes = tuple(found.outcomes)
+    why = " ".join(part for part in (found.words, summary(outcomes)) if part)
+    word = found.word or _word(outcomes)
+    proven = found.theorem is not None
+    algebra = found.theorem.told if found.theorem else found.counterexample
+    return Verdict(it.name, it.claim, it.where, word, found.number, why, it.tested, outcomes, algebra, proven)
 
 
 def _word(outcomes: Sequence[Outcome]) -> str:
@@ -97,114 +100,124 @@ def _word(outcomes: Sequence[Outcome]) -> str:
 
 
 Judge = Callable[[Study], Found]
-_CLAIMS: tuple[tuple[str, str, str, str, tuple[str, ...], Judge], ...] = (
-    (
-        "secondary never disturbs primary",
-        "The secondary task will not disturb the primary one.",
-        "abstract; conclusion",
-        f"beside singularities of the lower levels: is J_1 x = v_1, and is the force kept (late RMS error at most {KEPT:g} N)?",
-        (CORNER, WIPE_NEAR, CONFLICT_NEAR),
-        judges.undisturbed,
-    ),
-    (
-        "no algorithmic singularities",
-        "There are no algorithmic singularities; singularities of the secondary task deform nothing.",
-        "abstract; 4.3; conclusion",
-        f"largest |x| beside a singularity of the lower levels: at most {BOUNDED:g} times its median at regular postures",
-        (CORNER, RECOVERY, WIPE_NEAR, WIPE, CONFLICT_NEAR, CONFLICT),
-        judges.singularity_free,
-    ),
-    (
-        "tracks the alternating force",
-        "The manipulator can track the desired alternating force.",
-        "5.1, Figure 5",
-        "two whole periods after the start, both readings of (54): RMS error of the alternating part at most "
-        f"{share(ALTERNATING)} of its RMS value; a constant force or a ramp would fail",
-        (TRACK, TRACK_FAST),
-        judges.tracks,
-    ),
-    (
-        "F_x better than classical",
-        "F_x is obviously better than with classical (Jacobian based) force control.",
-        "5.1, Figures 5 and 6",
-        "the corner of two walls beside a singularity, run by run, each damped method at the best of its sweep: RMS error of "
-        f"F_x at most {BETTER:g} of the rival's",
-        (CORNER, RECOVERY),
-        judges.first_wins,
-    ),
-    (
-        "close approach goes well",
-        "Close approach to a stiff wall goes well.",
-        "5.2, Figure 7",
-        f"10 mm in front of 1e5 N/m: overshoot at most {GENTLE:g} N, two sets of gains, two servo gains",
-        (MEET,),
-        judges.close_approach,
-    ),
-    (
-        "overwhelms classical impedance",
-        "Reverse priority overwhelms classical impedance control.",
-        "5.2, Figures 7 and 8",
-        f"the wall beside a singularity, as for F_x: RMS error at most {BETTER:g} of the rival's",
-        (WALL_NEAR,),
-        judges.overwhelms,
-    ),
-    (
-        "30 N in the end, stable",
-        "The final contact force is 30 N, and stable.",
-        "5.2, Figure 7",
-        f"late RMS error at most {RESTS:g} N, for delays of the force reading, stiffer servos, and sensor noise",
-        (MEET, NOISE),
-        judges.rests,
-    ),
-    (
-        "M_d and B_d adjust the response",
-        "M_d and B_d adjust the response.",
-        "4.1, after (37)",
-        f"the wall with other B_d: overshoot at most {BETTER:g} of that with the paper's",
-        (MEET, TUNING),
-        judges.tuning,
-    ),
-    (
-        "(47) gives the desired impedance",
-        "(47) guarantees the desired impedance behaviour of the lower level.",
-        "4.2, after (47)",
-        "a push of 20 N and 2 N m in all six components, two orders of the levels, target at rest and moving: never farther "
-        f"from the ideal mass, damper and spring than {share(IDEAL)} of its largest motion",
-        (PUSH,),
-        judges.impedance,
-    ),
-    (
-        "any number of strict levels",
-        "Any number of levels is handled with strict priority, (53).",
-        "4.3; conclusion",
-        "three levels: is the second level's largest error at most 1.05 times that of null-space priority (each at its best "
-        "damping near singularities)?",
-        (WIPE, CONFLICT, WIPE_NEAR, CONFLICT_NEAR),
-        judges.in_order,
-    ),
-    (
-        "primary kept in conflict",
-        "The primary force task is guaranteed when tasks conflict.",
-        "introduction, goals (1)-(3); conclusion",
-        "a point that moves out of reach, an orientation that asks for more than there is, a wall with friction: late RMS "
-        f"error of the force at most {KEPT:g} N",
-        (CONFLICT, CONFLICT_NEAR, WIPE_NEAR, RUB),
-        judges.conflict,
-    ),
-    (
-        "hierarchy improves accuracy",
-        "The task hierarchy improves the accuracy of the force controller.",
-        "conclusion",
-        f"three levels, with and without singularities: RMS error of F_x at most {BETTER:g} of the rival's",
-        (WIPE, CONFLICT, WIPE_NEAR, CONFLICT_NEAR),
-        judges.improves,
-    ),
-    (
-        "hybrid control with S",
-        "The hybrid law (48)-(52) controls force and position in one task.",
-        "4.3, (48)-(52)",
-        f"a tilted wall, S not diagonal, a path along it: late RMS error at most {KEPT:g} N, {1e3 * ON_PATH:g} mm off the path",
-        (HYBRID,),
-        judges.hybrid,
-    ),
-)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Claim:
+    """One claim of the paper: `name` to `tested` as in `Verdict`; the experiments that it needs, and who judges."""
+
+    name: str
+    claim: str
+    where: str
+    tested: str
+    needs: tuple[str, ...]
+    judge: Judge
+
+
+def _claims() -> tuple[_Claim, ...]:
+    return (
+        _Claim(
+            "secondary never disturbs primary",
+            say("undisturbed_claim"),
+            "abstract; conclusion",
+            say("undisturbed_tested", kept=KEPT),
+            (CORNER, WIPE_NEAR, CONFLICT_NEAR),
+            singular.undisturbed,
+        ),
+        _Claim(
+            "no algorithmic singularities",
+            say("singularity_free_claim"),
+            "abstract; 4.3; conclusion",
+            say("singularity_free_tested", bounded=BOUNDED),
+            (CORNER, RECOVERY, WIPE_NEAR, WIPE, CONFLICT_NEAR, CONFLICT),
+            singular.singularity_free,
+        ),
+        _Claim(
+            "tracks the alternating force",
+            say("tracks_claim"),
+            "5.1, Figure 5",
+            say("tracks_tested", alternating=ALTERNATING),
+            (TRACK, TRACK_FAST),
+            laws.tracks,
+        ),
+        _Claim(
+            "F_x better than classical",
+            say("first_wins_claim"),
+            "5.1, Figures 5 and 6",
+            say("first_wins_tested", better=BETTER),
+            (CORNER, RECOVERY),
+            rivals.first_wins,
+        ),
+        _Claim(
+            "close approach goes well",
+            say("close_approach_claim"),
+            "5.2, Figure 7",
+            say("close_approach_tested", gentle=GENTLE),
+            (MEET,),
+            wall.close_approach,
+        ),
+        _Claim(
+            "overwhelms classical impedance",
+            say("overwhelms_claim"),
+            "5.2, Figures 7 and 8",
+            say("overwhelms_tested", better=BETTER),
+            (WALL_NEAR,),
+            rivals.overwhelms,
+        ),
+        _Claim(
+            "30 N in the end, stable",
+            say("rests_claim"),
+            "5.2, Figure 7",
+            say("rests_tested", rests=RESTS),
+            (MEET, NOISE),
+            wall.rests,
+        ),
+        _Claim(
+            "M_d and B_d adjust the response",
+            say("tuning_claim"),
+            "4.1, after (37)",
+            say("tuning_tested", better=BETTER),
+            (MEET, TUNING),
+            wall.tuning,
+        ),
+        _Claim(
+            "(47) gives the desired impedance",
+            say("impedance_claim"),
+            "4.2, after (47)",
+            say("impedance_tested", ideal=IDEAL),
+            (PUSH,),
+            laws.impedance,
+        ),
+        _Claim(
+            "any number of strict levels",
+            say("in_order_claim"),
+            "4.3; conclusion",
+            say("in_order_tested", worse=1.0 / BETTER),
+            (WIPE, CONFLICT, WIPE_NEAR, CONFLICT_NEAR),
+            levels.in_order,
+        ),
+        _Claim(
+            "primary kept in conflict",
+            say("conflict_claim"),
+            "introduction, goals (1)-(3); conclusion",
+            say("conflict_tested", kept=KEPT),
+            (CONFLICT, CONFLICT_NEAR, WIPE_NEAR, RUB),
+            levels.conflict,
+        ),
+        _Claim(
+            "hierarchy improves accuracy",
+            say("improves_claim"),
+            "conclusion",
+            say("improves_tested", better=BETTER),
+            (WIPE, CONFLICT, WIPE_NEAR, CONFLICT_NEAR),
+            rivals.improves,
+        ),
+        _Claim(
+            "hybrid control with S",
+            say("hybrid_claim"),
+            "4.3, (48)-(52)",
+            say("hybrid_tested", kept=KEPT, on_path=ON_PATH),
+            (HYBRID,),
+            laws.hybrid,
+        ),
+    )

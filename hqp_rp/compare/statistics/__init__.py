@@ -3,7 +3,7 @@
 What flows through: `arms` says which arms and stacks; `passages` finds singular configurations of each and draws paths through
 them; `trials` puts every problem of a path to every contestant, at the `settings` beside its own too, and keeps one row for
 each; `verdicts` boils the rows down to medians, intervals and verdicts, and says what they hang on; `record` holds all;
-`picture` and `report` draw and write. `study` runs it.
+`picture` and `report` draw and write, in the sentences of `sentences.j2`. `study` runs it.
 """
 
 from hqp_rp.compare.statistics.passages import Design

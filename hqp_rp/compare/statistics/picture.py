@@ -13,6 +13,7 @@ from matplotlib.patches import Rectangle
 
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.figures.chart import Picture
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.statistics.arms import arm_named
 from hqp_rp.compare.statistics.settings import FACTOR
 from hqp_rp.compare.statistics.verdicts import (
@@ -26,6 +27,8 @@ from hqp_rp.compare.statistics.verdicts import (
     Result,
 )
 from hqp_rp.core.variant import GROUPS
+
+say = Sentences(__file__)
 
 NAME = "passages"
 _COLUMNS = (
@@ -56,19 +59,15 @@ def picture(found: Sequence[Result], contestants: Sequence[Contestant]) -> Pictu
         for k, arm in enumerate(arms)
     ]
     grounds = [Rectangle((0, 0), 1, 1, color=_GROUND[word], label=f"{_words(word)}") for word in (YES, PARTLY, NO)]
-    star = Line2D(
-        [], [], marker="$*$", linestyle="", color="black", label="hangs on a number that was chosen, or on the draw"
-    )
+    star = Line2D([], [], marker="$*$", linestyle="", color="black", label=say("star"))
     figure.legend(handles=[*marks, *grounds, star], loc="lower center", ncols=4, fontsize=8.5, frameon=False)
     figure.subplots_adjust(left=0.165, right=0.985, top=1.0 - _HEAD / height, bottom=_FOOT / height, wspace=0.06)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
     return Picture(
         NAME,
-        "Which method keeps level 1, which keeps level 2, which stays bounded",
-        "A mark is the median over all paths of an arm, its line the range from 5 to 95 %. The dotted line is the threshold of "
-        "the verdict, the ground its answer, the worst of the arms'. A star says that an answer changes when a threshold or "
-        f"the method's own setting is moved by a factor of {FACTOR:g}, or with the singular configurations that were drawn.",
+        say("picture_title"),
+        say("picture_caption", factor=FACTOR),
         buffer.getvalue(),
     )
 

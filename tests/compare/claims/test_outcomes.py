@@ -22,7 +22,7 @@ def test_shares_and_medians_by_hand() -> None:
     o = outcome("here", rows([1.0, 2.0, 3.0, 10.0]), "figure", 2.5)
     assert (o.runs, o.passed, o.stricter, o.looser, o.median) == (4, 0.5, 0.0, 0.75, 2.5)
     assert o.holds is None
-    assert o.turns == "smaller"
+    assert o.turns == ("smaller",)
     assert o.low <= o.passed <= o.high
     assert o.median_low <= o.median <= o.median_high
     assert o.figure("mm", 1e3).startswith("2500 mm (")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import json
 import pathlib
+import re
 
 import numpy as np
 import polars as pl
 import pytest
 
 from hqp_rp.compare.claims import report as module
-from hqp_rp.compare.claims.charts import EQUAL, merged
+from hqp_rp.compare.claims.charts.curves import EQUAL, merged
 from hqp_rp.compare.claims.experiments import Places, trials
 from hqp_rp.compare.claims.methods import FIXED, SWEPT, WITHIN_LIMITS
 from hqp_rp.compare.claims.report import ClaimsStudy, study_claims
@@ -24,6 +25,8 @@ from hqp_rp.compare.report.report import Report
 from hqp_rp.compare.report.write import write_report
 from hqp_rp.core.problem import FloatArray
 from tests.compare.claims.study import made_up, places
+
+KEPT = pathlib.Path(__file__).parents[3] / "docs" / "reports" / "paper_claims" / "report.md"
 
 
 def short(trial: Trial) -> Trial:
@@ -79,6 +82,26 @@ def test_it_is_written_in_both_forms(full: Report, tmp_path: pathlib.Path) -> No
         assert f"## {section.title}" in text
     assert len(list((tmp_path / "figures").glob("*.png"))) == len(full.charts())
     assert "data:image/png;base64" in page.read_text()
+
+
+def test_the_kept_report_says_what_hangs_on_no_result(full: Report) -> None:
+    """Claims, how each is tested, captions, what this cannot tell: word for word as this code writes them."""
+    text = KEPT.read_text()
+    assert text.startswith(f"# {full.title}\n\n**{full.question}**\n")
+    by_title = {section.title: section for section in full.sections}
+    for claim, where, *_ in by_title["Every claim"].tables[0].rows:
+        assert f"| {claim} | {where} |" in text
+    for section in by_title["The verdicts"].sections:
+        tested = section.sentences[1]
+        assert f"{tested}\n" in text
+        assert re.match(r"Tested: .*[.?]$", tested)
+    for title, first in (("What this cannot tell", 0), ("How it was tested", 1)):
+        assert all(f"- {sentence}\n" in text for sentence in by_title[title].sentences[first:])
+    for chart in full.charts():
+        assert f"![{chart.title}](figures/{chart.name}.png)\n" in text
+        assert chart.caption in text
+    assert by_title["Every claim"].tables[0].caption in text
+    assert by_title["Half the time step"].tables[0].title in text
 
 
 def test_the_short_study_has_no_charts_of_what_it_did_not_run() -> None:
@@ -146,4 +169,5 @@ def test_a_film_is_shown_by_its_still_and_a_missing_one_by_the_reason(tmp_path: 
     assert [(chart.name, chart.png) for chart in section.charts] == [("film-wall", b"still")]  # type: ignore[union-attr]
     assert section.sentences == ("No film: no GL.",)
     assert module._film_section((), None).sentences == ("There are none in this run.",)
-    assert set(films(places(1))) == set(module._FILMS)
+    titles = {module.say("film", name=name) for name in films(places(1))}
+    assert len(titles) == len(films(places(1)))

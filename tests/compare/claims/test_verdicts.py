@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from hqp_rp.compare.claims import algebra
-from hqp_rp.compare.claims.judges import FAILS
+from hqp_rp.compare.claims.judges.criteria import FAILS
 from hqp_rp.compare.claims.verdicts import DEPENDS, HOLDS, UNRULED, Verdict, verdicts
 from hqp_rp.scenarios._interaction import DAMPED, PAPER
 from tests.compare.claims.study import made_up
@@ -46,7 +46,8 @@ def test_everything_holds_where_everything_is_good_but_what_algebra_refutes(perf
         assert v.tested
         assert v.where
         assert all(o.runs >= 20 for o in v.outcomes)
-    assert sum("Theorem:" in v.theorem for v in found) == 4
+    assert sum(v.proven for v in found) == 4
+    assert all(v.theorem.startswith("Theorem: ") for v in found if v.proven)
     assert "Counterexample" in of(perfect, "any number of strict levels").theorem
 
 
