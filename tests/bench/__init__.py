@@ -4,8 +4,8 @@ What flows: `entrants` (who) meet `families` of problems and `steps` of a contro
 ratios, `accuracy` judges every answer. `remote`, `remote_steps` and `peer_worker` time peers in environments of their own.
 `native_loop` compiles loops without Python; with it `floor`, `lexls` and `native_qps`, then `allocations` and `step_parts`,
 gathered by `inside`, look into a call; `extra` looks at growth and start-up. `measure` does all that is asked for, `history`
-keeps ratios, `record` holds it, `inside_report`, `ratios_report` and `report` tell it, and
-`bench` is the whole, `command` its command line.
+keeps ratios, `record` holds it, `inside_report`, `ratios_report` and `report` tell it in the words of `sentences.j2`,
+and `bench` is the whole, `command` its command line.
 """
 
 from __future__ import annotations

@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.core import _native
 from hqp_rp.core.problem import Level, Problem
 from hqp_rp.core.solver import solve
 from tests.bench import ROOT
 from tests.bench.entrants import our_entrants
 from tests.bench.families import family
+
+say = Sentences(__file__)
 
 ALLOCATING = ("null space", "reverse priority", "active set, warm", "QP ProxQP")
 """Labels of our entrants that are looked at."""
@@ -62,10 +65,10 @@ def allocations(labels: Sequence[str], families: Sequence[str]) -> tuple[tuple[A
     )
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["no word"])[-1]
-        return (), f"Allocations are not counted: the process that counts them ended with {last!r}."
+        return (), say("counting_ended", last=last)
     probe, rows = json.loads(done.stdout.splitlines()[-1])
     if probe[0] < 1 or probe[1] + probe[2] < 8 * _PROBE_SIZE * _PROBE_ARRAYS:
-        return (), "Allocations are not counted: this machine does not report those of a probe."
+        return (), say("probe_unseen")
     return tuple(Allocations(*row) for row in rows), ""
 
 

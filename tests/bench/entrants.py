@@ -11,8 +11,11 @@ from typing import Any
 import numpy as np
 
 from hqp_rp.compare.contestants import variants
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solver import Solver, all_solvers, get_solver
+
+say = Sentences(__file__)
 
 Call = Callable[[], Any]
 
@@ -73,31 +76,25 @@ def peer_entrants(names: Sequence[str] = SOLVER_PEERS) -> tuple[list[Entrant], l
             missing.append(not_installed(name))
         elif name == "daqp":
             found += [
-                Entrant("DAQP, defaults", True, "daqp.solve(None, None, A, ...), documented defaults", _anything,
-                        _daqp_defaults, _first),
-                Entrant("DAQP, accurate", True, _ACCURATE, _anything, _daqp_accurate, _first),
-                Entrant("DAQP, accurate, warm", True, f"{_ACCURATE}; sense left out, which keeps the working set", _anything,
+                Entrant("DAQP, defaults", True, say("daqp_defaults"), _anything, _daqp_defaults, _first),
+                Entrant("DAQP, accurate", True, say("daqp_accurate", softness=_RHO, warm=False), _anything,
+                        _daqp_accurate, _first),
+                Entrant("DAQP, accurate, warm", True, say("daqp_accurate", softness=_RHO, warm=True), _anything,
                         functools.partial(_daqp_accurate, warm=True), _first, path_only=True),
             ]  # fmt: skip
         elif name == "numpy":
-            words = "numpy.linalg.svd of A_k Z for each level, x and Z updated; rank at 1e-12 of the level's norm"
-            found.append(Entrant("numpy SVD cascade", True, words, _equalities, _numpy_cascade, _itself))
+            settings = say("numpy_cascade")
+            found.append(Entrant("numpy SVD cascade", True, settings, _equalities, _numpy_cascade, _itself))
         elif name == "qpsolvers":
-            words = (
-                f"one qpsolvers.solve_qp (piqp) for each level, ||A_k x - b_k||^2 + {_TIKHONOV:g} ||x||^2, finished levels as "
-                "equalities, in the end ||x||^2"
-            )
-            found.append(Entrant("plain QP cascade", True, words, _equality_levels, _qpsolvers_cascade, _itself))
+            settings = say("qp_cascade", weight=_TIKHONOV)
+            found.append(Entrant("plain QP cascade", True, settings, _equality_levels, _qpsolvers_cascade, _itself))
     return found, missing
 
 
 def not_installed(name: str) -> str:
     """The sentence about a peer that cannot be imported here."""
     package = {"pink": "pin-pink"}.get(name, name)
-    return (
-        f"{name} is not installed, so it takes no part (pip install {package}, or in an environment of its own and "
-        "--peer-python PATH)."
-    )
+    return say("not_installed", name=name, package=package)
 
 
 def _anything(problem: Problem) -> str | None:
@@ -105,11 +102,11 @@ def _anything(problem: Problem) -> str | None:
 
 
 def _equalities(problem: Problem) -> str | None:
-    return None if problem.is_equality and problem.hard is None else "It solves equalities only."
+    return None if problem.is_equality and problem.hard is None else say("equalities_only")
 
 
 def _equality_levels(problem: Problem) -> str | None:
-    return None if problem.is_equality else "It takes two-sided rows as hard rows only."
+    return None if problem.is_equality else say("two_sided_rows_hard_only")
 
 
 def _itself(x: FloatArray | None) -> FloatArray | None:
@@ -122,10 +119,6 @@ def _first(found: tuple[Any, ...]) -> FloatArray | None:
 
 _EQUALITY_ROW = 5  # DAQP's flag of an equality
 _RHO = 1e-6
-_ACCURATE = (
-    f"kept daqp.Model, H = I, unit rows, soft_weights {_RHO:g} scaled to each row's length, primal_tol 1e-9; "
-    "update and solve"
-)
 
 
 def _daqp_defaults(problems: Sequence[Problem]) -> list[Call]:

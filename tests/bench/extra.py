@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.core.batch import solve_batch
 from hqp_rp.core.errors import MissingExtraError
 from hqp_rp.core.problem import FloatArray, IntArray
@@ -25,6 +26,8 @@ from tests.bench.families import family, random_problem
 from tests.bench.floor import FLOOR, c_loop
 from tests.bench.native_loop import NotBuilt
 from tests.bench.timing import LocalRunner, interleaved
+
+say = Sentences(__file__)
 
 GROWERS = ("null space", "reverse priority", "active set, cold", "DAQP, accurate", "numpy SVD cascade")
 SIZES = (4, 7, 14, 28, 50, 100, 200)
@@ -158,9 +161,9 @@ def instruction_counts(labels: Sequence[str], *, calls: int = 2000) -> tuple[dic
     """
     perf = shutil.which("perf")
     if perf is None:
-        return {}, "Instruction counts are not available: the program perf is not installed."
+        return {}, say("no_perf")
     if _perf(perf, [sys.executable, "-c", ""]) is None:
-        return {}, "Instruction counts are not available: perf cannot count instructions on this machine."
+        return {}, say("perf_counts_nothing")
     found = {}
     for label in labels:
         once, twice = (_perf(perf, [sys.executable, "-m", __name__, label, str(count)]) for count in (calls, 2 * calls))

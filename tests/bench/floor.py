@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.core.closed_form import ClosedForm
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE, get_solver
@@ -19,6 +20,8 @@ from tests.bench.families import Family, family
 from tests.bench.lexls import lexls_loops
 from tests.bench.native_loop import Loop, NotBuilt, build, caller, stacked
 from tests.bench.timing import TURN, LocalRunner, Timing, interleaved
+
+say = Sentences(__file__)
 
 FLOOR_FAMILIES = ("7_3-3", "7_1-5", "7_6-1-7", "7_3-3-7", "30", "100")
 """Families of equalities, on which the floor is measured."""
@@ -75,12 +78,12 @@ def measure_floor(
         try:
             native[FLOOR] = c_loop(made.problems)
         except NotBuilt as error:
-            missing[FLOOR] = f"The C floor takes no part: {error}."
+            missing[FLOOR] = say("no_floor", error=str(error))
         if lexls is not None:
             try:
                 native |= {f"{LEXLS} {way}": loop for way, loop in lexls_loops(made.problems, lexls).items()}
             except NotBuilt as error:
-                missing[LEXLS] = f"LexLS takes no part: {error}."
+                missing[LEXLS] = say("no_lexls", error=str(error))
         found.append(_measured(made, native, calls, budget))
     return tuple(found), tuple(missing.values())
 

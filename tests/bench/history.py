@@ -9,9 +9,12 @@ import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.run_folder import write_atomically
 from hqp_rp.core.errors import FileError
 from tests.bench.timing import Ratio
+
+say = Sentences(__file__)
 
 HISTORY = "history.jsonl"
 
@@ -75,30 +78,28 @@ def compared(entries: Sequence[Entry], now: Entry) -> tuple[str, ...]:
     """Sentences: which ratios got worse since the last run alike by more than the noise margin, or that none did."""
     before = last_alike(entries, now)
     if before is None:
-        return (
-            "There is no earlier run with these settings on this machine in this folder: nothing to compare with."
-            if not entries
-            else "The runs kept in this folder were asked something else or ran on another machine: not compared.",
-        )
+        return (say("runs_not_alike") if entries else say("no_earlier_run"),)
     common = [name for name in now.ratios if name in before.ratios]
     worse = []
     for name in common:
         old, new = before.ratios[name], now.ratios[name]
         margin = margin_of(old, new)
         if new.value < old.value * (1.0 - margin):
-            change = new.value / old.value - 1.0
-            worse.append(
-                (change, f"{name}: from {old.value:.3g} to {new.value:.3g} ({change:+.0%}, margin {margin:.0%}).")
-            )
-    sentences = [f"Worse than on {before.time}: {text}" for _, text in sorted(worse)]
-    gone = [name for name in before.ratios if name not in now.ratios]
-    sentences += [f"Kept on {before.time} and missing now: {name}." for name in gone]
-    if not worse:
-        sentences.insert(
-            0,
-            f"None of {len(common)} ratios is worse than on {before.time} by more than {MARGIN:.0%} plus its spread in both "
-            "runs.",
+            worse.append((new.value / old.value, name, margin))
+    sentences = [
+        say(
+            "worse",
+            time=before.time,
+            name=name,
+            before=before.ratios[name].value,
+            now=now.ratios[name].value,
+            margin=margin,
         )
+        for _, name, margin in sorted(worse)
+    ]
+    sentences += [say("gone", time=before.time, name=name) for name in before.ratios if name not in now.ratios]
+    if not worse:
+        sentences.insert(0, say("none_worse", count=len(common), time=before.time, margin=MARGIN))
     return tuple(sentences)
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from hqp_rp.compare.report.report import Section, Table
-from hqp_rp.compare.report.words import listing, number
+from hqp_rp.compare.report.sentences import Sentences
+from hqp_rp.compare.report.words import number
 from tests.bench.accuracy import ACCEPTED
 from tests.bench.floor import CALL, FLOOR, KERNEL, LEXLS, SOLVE, Floor
 from tests.bench.inside import Inside
 from tests.bench.step_parts import PARTS_OF_A_STEP
 from tests.bench.timing import ratio
+
+say = Sentences(__file__)
 
 
 def inside_section(inside: Inside) -> Section | None:
@@ -29,33 +32,27 @@ def inside_section(inside: Inside) -> Section | None:
 def inside_answer(inside: Inside) -> list[str]:
     """One sentence for each part: the range of its ratios."""
     sentences = []
-    for other, words in ((FLOOR, "a plain cascade in C"), (LEXLS, "LexLS in C++")):
+    for other in (FLOOR, LEXLS):
         values = {item.title: 1.0 / _over(item, other) for item in inside.floor if _comparable(item, other)}
         if values:
-            sentences.append(
-                f"The native kernel of null space, no call from Python counted, takes {_range(values)} {words}."
-            )
+            low, high = _range(values)
+            sentences.append(say("kernel_takes", low=low, high=high, lexls=other == LEXLS))
     shares = {item.title: 1.0 - item.share("kernel") for item in inside.floor}
     if shares:
-        low, high = min(shares, key=lambda title: shares[title]), max(shares, key=lambda title: shares[title])
-        least = max(shares[low], 0.0)
-        sentences.append(
-            f"Of one null_space call, {least:.0%} ({low}) to {shares[high]:.0%} ({high}) is Python around the kernel."
-        )
+        (least, share), high = _range(shares)
+        sentences.append(say("python_around_kernel", low=(least, max(share, 0.0)), high=high))
     for item in inside.steps:
         kinematics, tasks, solve = (seconds / sum(item.seconds) for seconds in item.seconds)
-        sentences.append(f"{item.title}: {kinematics:.0%} kinematics, {tasks:.0%} tasks, {solve:.0%} solve.")
+        sentences.append(say("step_goes_to", title=item.title, kinematics=kinematics, tasks=tasks, solve=solve))
     if inside.qps:
-        values = {item.title: item.times_slower.value for item in inside.qps}
-        sentences.append(f"qp_cascade on ProxQP takes {_range(values)} the sum of its own native QPs.")
+        low, high = _range({item.title: item.times_slower.value for item in inside.qps})
+        sentences.append(say("cascade_takes", low=low, high=high))
     return sentences
 
 
-def _range(values: dict[str, float]) -> str:
-    low, high = min(values, key=lambda title: values[title]), max(values, key=lambda title: values[title])
-    if low == high:
-        return f"{values[low]:.3g} times as long ({low}) as"
-    return f"{values[low]:.3g} ({low}) to {values[high]:.3g} times ({high}) as long as"
+def _range(values: dict[str, float]) -> tuple[tuple[str, float], tuple[str, float]]:
+    """The least and the largest, each with its name; of equal ones the first."""
+    return min(values.items(), key=lambda item: item[1]), max(values.items(), key=lambda item: item[1])
 
 
 def _comparable(item: Floor, other: str) -> bool:
@@ -81,18 +78,9 @@ def _native(inside: Inside) -> Table:
         )
         for item in inside.floor
     )
-    caption = (
-        "In loops without Python, processor time. The floor is tests/bench/native/cascade.c, compiled here with -O3 "
-        "-march=native: rows padded to whole vectors, a level's reflections applied to four rows at a time; no pivoting, no "
-        "proof of the rank, no check."
-    )
     ways = sorted({item.lexls for item in inside.floor if item.lexls})
-    if ways:
-        caption += f" LexLS by the fastest of its ways to x that is certified ({listing(ways)})."
-    bad = [
-        f"{label} on {item.title}" for item in inside.floor for label, found in item.accuracy.items() if not found.ok
-    ]
-    caption += f" Not certified at {ACCEPTED:g}: {listing(bad)}." if bad else " All answers were certified."
+    bad = [(label, item.title) for item in inside.floor for label, found in item.accuracy.items() if not found.ok]
+    caption = say("native_table", ways=ways, tolerance=ACCEPTED, uncertified=bad)
     header = (
         "family",
         *(f"kernel over {other}" for other in others),
@@ -111,13 +99,8 @@ def _shares(inside: Inside) -> Table:
         )
         for item in inside.floor
     )
-    caption = (
-        "kernel: in a native loop. dispatch: what calling it from Python adds. solution: what Solver.solve adds to that, "
-        "with the array for the answer, the checks and the Solution. Shares of Solver.solve, from differences of times: those "
-        "below a few per cent are noise."
-    )
     header = ("family", "kernel", "dispatch", "solution", "kernel, us", "kernel from Python, us", "Solver.solve, us")
-    return Table("Where the time of a null_space call goes", header, rows, caption)
+    return Table("Where the time of a null_space call goes", header, rows, say("shares_table"))
 
 
 def _steps(inside: Inside) -> Table:
@@ -129,12 +112,8 @@ def _steps(inside: Inside) -> Table:
         )
         for item in inside.steps
     )
-    caption = (
-        "kinematics: robot.update(q). tasks: stack.problem(robot), which asks the robot for poses and Jacobians and builds the "
-        "problem. solve: null_space, with limits the active set, warm. Medians along the path; shares of their sum."
-    )
     header = ("family", *PARTS_OF_A_STEP, *(f"{part}, us" for part in PARTS_OF_A_STEP), "a step, us")
-    return Table("Where the time of a control step goes", header, rows, caption)
+    return Table("Where the time of a control step goes", header, rows, say("steps_table"))
 
 
 def _qps(inside: Inside) -> Table:
@@ -149,14 +128,8 @@ def _qps(inside: Inside) -> Table:
         )
         for item in inside.qps
     )
-    caption = (
-        "The QPs that the cascade hands to ProxQP on these problems, recorded, then updated and solved again on the same "
-        "objects. On levels of equalities alone such a QP has no rows, and the Hessian M^T M of the triangle M to which the "
-        "cascade has turned the level's rows in the freedom left: there the ratio is the cost of turning and of polishing, "
-        "which no QP contains. difference: the largest relative one between a replayed answer and the recorded one."
-    )
     header = ("family", "cascade over its QPs", "QPs a solve", "qp_cascade, us", "its QPs, us", "difference")
-    return Table("qp_cascade on ProxQP beside its own native QPs", header, rows, caption)
+    return Table("qp_cascade on ProxQP beside its own native QPs", header, rows, say("qps_table"))
 
 
 def _allocated(inside: Inside) -> Table:
@@ -164,10 +137,5 @@ def _allocated(inside: Inside) -> Table:
         (item.family, item.label, number(item.arrays, 3), number(item.beyond, 3), number(item.kept, 3))
         for item in inside.allocated
     )
-    caption = (
-        "One warm call, medians over instances. arrays: blocks that native code allocated. beyond the answer: "
-        "the most bytes held at once inside the call and released by its end, by tracemalloc. "
-        "kept: the Solution with its x. What LAPACK and ProxQP allocate for themselves is not seen."
-    )
     header = ("family", "solver", "arrays", "bytes beyond the answer", "bytes kept")
-    return Table("Allocations of a solve", header, rows, caption, text=frozenset({0, 1}))
+    return Table("Allocations of a solve", header, rows, say("allocations_table"), text=frozenset({0, 1}))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from hqp_rp.compare.figures.chart import Bars
 from hqp_rp.compare.report.report import Section, Table
-from hqp_rp.compare.report.words import listing, number
+from hqp_rp.compare.report.sentences import Sentences
 from tests.bench.accuracy import ACCEPTED, Accuracy
 from tests.bench.measure import HEADLINE, Measured, Result, Row
 from tests.bench.steps import STEP_FAMILIES
 from tests.bench.timing import ratio
+
+say = Sentences(__file__)
 
 _KINDS = ("hqp_rp, certified", "peer, certified", "not certified")
 
@@ -19,9 +21,6 @@ _GROUPS = (
     ("ratios_steps", "A whole control step", STEP_FAMILIES),
 )  # fmt: skip
 """Name of the figure, title, families."""
-
-_WORDS = ("How many times faster each certified solver of ours is than each peer; below 1 the peer is faster.",)
-_CAPTION = "Median time per call over that of our fastest certified solver. Grey: not certified on every instance."
 
 
 def ratios_section(measured: Measured) -> Section:
@@ -34,7 +33,7 @@ def ratios_section(measured: Measured) -> Section:
             chart = _bars(name, title, own)
             tables = tuple(_ratios(result) for result in own)
             groups.append(Section(title, charts=() if chart is None else (chart,), tables=tables))
-    return Section("Ratios", _WORDS, sections=tuple(groups))
+    return Section("Ratios", (say("ratios_say"),), sections=tuple(groups))
 
 
 def _ratios(result: Result) -> Table:
@@ -46,18 +45,15 @@ def _ratios(result: Result) -> Table:
         if own.accuracy.ok
     )
     left = [own.label for own in ours if not own.accuracy.ok]
-    inaccurate = [f"{peer.label} ({_fault(peer.accuracy)})" for peer in peers if not peer.accuracy.ok]
-    caption = f"Not certified, so without ratios: {listing(left)}. " if left else ""
-    caption += f"Peers that were not certified: {listing(inaccurate)}." if inaccurate else "All peers were certified."
+    inaccurate = [(peer.label, *_fault(peer.accuracy)) for peer in peers if not peer.accuracy.ok]
+    caption = say("left_out", ours=left, peers=inaccurate)
     return Table(result.title, ("times faster than", *(peer.label for peer in peers)), rows, caption)
 
 
-def _fault(accuracy: Accuracy) -> str:
-    """How far off the answers are, and how many are missing."""
+def _fault(accuracy: Accuracy) -> tuple[int, int, float | None]:
+    """(how many answers are missing, of how many, how far off the others are); None where these are not to blame."""
     missing = accuracy.asked - accuracy.answered
-    parts = [f"no answer on {missing} of {accuracy.asked}"] if missing else []
-    parts += [f"error {number(accuracy.error)}"] if accuracy.error > ACCEPTED or not missing else []
-    return ", ".join(parts)
+    return missing, accuracy.asked, accuracy.error if accuracy.error > ACCEPTED or not missing else None
 
 
 def _bars(name: str, title: str, results: list[Result]) -> Bars | None:
@@ -70,9 +66,8 @@ def _bars(name: str, title: str, results: list[Result]) -> Bars | None:
         bars = tuple(
             (row.label, row.timing.median / own.timing.median, int(row.peer) if row.accuracy.ok else 2) for row in rows
         )
-        us = number(own.timing.median * 1e6, 3)
-        groups.append((f"{result.title}: times of {own.label}, {us} us", bars))
-    return Bars(name, title, _CAPTION, "times slower (log)", tuple(groups), _KINDS) if groups else None
+        groups.append((say("bars_of", title=result.title, label=own.label, us=own.timing.median * 1e6), bars))
+    return Bars(name, title, say("bars_show"), "times slower (log)", tuple(groups), _KINDS) if groups else None
 
 
 def fastest(result: Result, *, peer: bool) -> Row | None:

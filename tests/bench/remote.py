@@ -14,9 +14,12 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.dh import DHArm
+
+say = Sentences(__file__)
 
 REMOTE_PEERS = ("pink", "placo", "roboplan")
 """Peers that may run in an environment of their own: names for `--peer`."""
@@ -56,7 +59,8 @@ class RemoteRunner:
         if "version" in found:
             self.version = str(found["version"])
         else:
-            self.error = f"{peer} takes no part: under {python} it says {found.get('error', 'nothing')}."
+            said, code = found.get("error", ""), found.get("ended")
+            self.error = say("not_set_up", peer=peer, python=str(python), error=said, code=code)
             self.close()
 
     def turn(self, first: int, count: int) -> list[int]:
@@ -86,7 +90,7 @@ class RemoteRunner:
                     return dict(json.loads(line))
         except BrokenPipeError:
             pass
-        return {"error": f"nothing and ended with code {self._process.wait(timeout=30)}"}
+        return {"ended": self._process.wait(timeout=30)}
 
 
 def arm_urdf(arm: DHArm) -> str:

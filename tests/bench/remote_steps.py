@@ -8,21 +8,12 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from hqp_rp.compare.report.sentences import Sentences
 from tests.bench.entrants import not_installed
 from tests.bench.remote import REMOTE_PEERS, RemoteRunner, arm_urdf
 from tests.bench.steps import COSTS, DT, GAIN, StepFamily, Stepper
 
-_COSTS = f"costs {', '.join(f'{cost:g}' for cost in COSTS[:3])}"
-
-_WORDS = {
-    "pink": _COSTS,
-    "placo": _COSTS,
-    "roboplan": (
-        "Oink at eps_abs 1e-9, the tool's pose at priority 1, posture at 2 (a pose task fills the null-space projector with "
-        "all of its six rows, so that position over orientation cannot be asked for)"
-    ),
-}
-"""How each is set."""
+say = Sentences(__file__)
 
 
 def remote_steppers(
@@ -43,8 +34,8 @@ def remote_steppers(
             theirs = [stepper for stepper in chosen if stepper.peer] if peer == "pink" else []
             problems = (theirs or chosen)[0].problems
             calls = tuple(functools.partial(runner.answer, i) for i in range(len(made.configurations)))
-            words = f"{peer} {runner.version} in a process of its own, without limits, {_WORDS[peer]}"
-            found.append((Stepper(peer, True, words, calls, lambda v: v, problems), runner))
+            settings = say("own_process", peer=peer, version=runner.version, costs=COSTS[:3])
+            found.append((Stepper(peer, True, settings, calls, lambda v: v, problems), runner))
             found_versions[peer] = runner.version
             break
         else:

@@ -10,10 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.stack import Stack
 from hqp_rp.core.problem import FloatArray, Problem
 from tests.bench.entrants import Entrant, not_installed, our_entrants
+
+say = Sentences(__file__)
 
 STEP_FAMILIES = ("step_sawyer", "step_sawyer_limits", "step_humanoid")
 """Names of the whole control steps, for `--family`."""
@@ -93,14 +96,13 @@ def step_family(name: str, *, quick: bool = False) -> StepFamily:
     if name != "step_humanoid":
         stack, theirs = _sawyer(robot, mink_there)
         title = "step: Sawyer, limits" if limited else "step: Sawyer"
-        words = "tool position, tool orientation, posture (3+3+7) on 7 joints, along a closed path"
+        words = say("sawyer_step", limited=limited)
         if limited:
             stack = Stack(stack.levels, limits=[JointLimit(velocity=np.inf)])
-            words += ", within the joint position limits"
     else:
         stack, theirs = _humanoid(robot, mink_there)
         title = "step: humanoid"
-        words = f"soles, centre of mass, hands, posture (12+3+6+{robot.nv - 6}) on {robot.nv} velocities, along a closed path"
+        words = say("humanoid_step", joints=robot.nv - 6, velocities=robot.nv)
     return StepFamily(name, title, words, robot, stack, configurations, theirs, limited)
 
 
@@ -233,6 +235,6 @@ def _mink(
         return v
 
     calls = tuple(functools.partial(step, q) for q in family.configurations)
-    told = "" if limits is None else f", limits={'[ConfigurationLimit]' if limits else '[]'}"
-    words = f"mink.solve_ik(configuration, tasks, {DT}, {solver!r}{told}), costs {', '.join(f'{c:g}' for c in COSTS)}"
-    return Stepper(label, True, words, calls, lambda v: v, problems)
+    names = None if limits is None else [type(limit).__name__ for limit in limits]
+    settings = say("mink_call", dt=DT, solver=solver, limits=names, costs=COSTS)
+    return Stepper(label, True, settings, calls, lambda v: v, problems)

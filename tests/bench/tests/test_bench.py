@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from tests.bench.entrants import our_entrants
 from tests.bench.history import HISTORY, Entry
 from tests.bench.inside import Inside
 from tests.bench.measure import Asked, Measured, Result, Row, headline_ratios
-from tests.bench.ratios_report import _fault
+from tests.bench.ratios_report import ratios_section
 from tests.bench.record import Bench
 from tests.bench.report import answer, bench_report
 from tests.bench.timing import Ratio, timing
@@ -77,9 +78,20 @@ def test_only_certified_solvers_of_ours_get_ratios() -> None:
 
 
 def test_what_is_wrong_with_a_peer_is_said() -> None:
-    assert _fault(Accuracy(16, 16, 12, 0.25, 0.1, "fault")) == "error 0.25"
-    assert _fault(Accuracy(16, 13, 13, 8e-10, 1e-9, "There is no answer.")) == "no answer on 3 of 16"
-    assert _fault(Accuracy(16, 13, 12, 0.25, 0.1, "fault")) == "no answer on 3 of 16, error 0.25"
+    def row(label: str, peer: bool, accuracy: Accuracy) -> Row:
+        return Row(label, peer, "", timing(label, np.repeat([1000], 20)), accuracy)
+
+    rows = (
+        row("null space", False, Accuracy(16, 16, 16, 1e-12, 1e-13)),
+        row("a", True, Accuracy(16, 16, 12, 0.25, 0.1, "fault")),
+        row("b", True, Accuracy(16, 13, 13, 8e-10, 1e-9, "There is no answer.")),
+        row("c", True, Accuracy(16, 13, 12, 0.25, 0.1, "fault")),
+    )
+    measured = dataclasses.replace(synthetic(), results=(Result("7_3-3", "7 joints", "", rows, {}),))
+    (table,) = ratios_section(measured).sections[0].tables
+    assert table.caption == (
+        "Peers that were not certified: a (error 0.25), b (no answer on 3 of 16) and c (no answer on 3 of 16, error 0.25)."
+    )
 
 
 def test_the_answer_compares_certified_with_certified() -> None:
