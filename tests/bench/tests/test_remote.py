@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -30,3 +31,10 @@ def test_a_peer_that_its_interpreter_lacks_is_a_sentence(peer: str, words: str) 
     assert runner.version == ""
     assert f"{peer} takes no part" in runner.error
     assert words in runner.error
+
+
+@pytest.mark.skipif(shutil.which("true") is None, reason="there is no program that ends without a word")
+def test_a_process_that_ends_without_a_word_is_a_sentence() -> None:
+    program = shutil.which("true")
+    runner = RemoteRunner("placo", "x", Path(str(program)), {})
+    assert runner.error == f"placo takes no part: under {program} it says nothing and ended with code 0."
