@@ -5,20 +5,23 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 REPORT := report
+BENCH := bench
 NEW_ENOUGH := import sys; assert sys.version_info >= (3, 11)
 
 TEST_WORKERS ?= auto
 PYTEST_ARGS ?=
+BENCH_ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 SHELL := /bin/sh
 
-.PHONY: help setup report quick test coverage docs links core sanitize fuzz check format lint imports types api-types clean distclean
+.PHONY: help setup report quick bench test coverage docs links core sanitize fuzz check format lint imports types api-types clean distclean
 
 help:
 	@echo "make report   compare every solver on every scenario and write $(REPORT)/ (sets up $(VENV) when it is missing)"
 	@echo "make quick    the same with fewer steps, for a first look"
+	@echo "make bench    time every solver beside its peers and write $(BENCH)/; BENCH_ARGS=\"--quick\" for options"
 	@echo "make test     run the tests (sets up $(VENV) when it is missing)"
 	@echo "make check    formatting, linters, type checks and the direction of imports"
 	@echo "make coverage which lines the tests reach"
@@ -36,6 +39,9 @@ report: setup
 quick: setup
 	$(BIN)/hqp-rp compare --quick --output $(REPORT) --overwrite
 	@echo "The report is $(CURDIR)/$(REPORT)/report.html"
+
+bench: setup
+	$(BIN)/python -m tests.bench --output $(BENCH) $(BENCH_ARGS)
 
 # One thread for each worker: the problems are small, and workers that each start a pool of threads slow one another down.
 test: export OMP_NUM_THREADS ?= 1

@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 LINKED = ("solvers", "scenarios")
 PARTS = ("hqp_rp", *LINKED)
+BENCHMARK = "tests/bench"
 
 
 def _run(command: list[str], cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -32,12 +33,13 @@ def _run(command: list[str], cwd: Path, **environment: str) -> subprocess.Comple
 
 
 def _copy_package(to: Path) -> None:
-    for part in PARTS:
+    """What a wheel is built from, and the benchmark, which it must leave out."""
+    for part in (*PARTS, BENCHMARK):
         shutil.copytree(
             ROOT / part, to / part, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "_native*.so")
         )
-    for name in ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, to)
+    for name in ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE", "tests/__init__.py"):
+        shutil.copy(ROOT / name, to / name)
 
 
 def _lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
@@ -60,6 +62,7 @@ def test_imports_run_one_way() -> None:
         ("hqp_rp/control/stray.py", "import hqp_rp.scenarios.scenario", "control.stray -> hqp_rp.scenarios.scenario"),
         ("scenarios/stray.py", "import hqp_rp.solvers.null_space", "scenarios.stray -> hqp_rp.solvers.null_space"),
         ("solvers/stray.py", "from hqp_rp.robot import robot", "solvers.stray -> hqp_rp.robot.robot"),
+        ("hqp_rp/compare/stray.py", "import tests.bench.timing", "hqp_rp.compare.stray -> tests.bench.timing"),
     ],
 )
 def test_an_import_against_the_direction_is_found(file: str, line: str, chain: str, tmp_path: Path) -> None:
@@ -137,6 +140,17 @@ def test_wheel_holds_every_file(built: Path) -> None:
     assert [name for name in held if name.startswith("hqp_rp/core/_native") and not name.endswith(".pyi")]
     assert not [name for name in held if name.startswith("hqp_rp/core/native/")]
     assert not {name for name in held if name.split("/")[0] not in {"hqp_rp", f"hqp_rp-{hqp_rp.__version__}.dist-info"}}
+
+
+@compiles
+def test_wheel_holds_nothing_of_the_benchmark(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    held = zipfile.ZipFile(wheel).namelist()
+    library = {path.name for part in PARTS for path in (ROOT / part).rglob("*")}
+    own = {path.name for path in (ROOT / BENCHMARK).rglob("*") if path.is_file() and path.suffix != ".pyc"} - library
+    assert {"cascade.c", "peer_worker.py", "entrants.py"} <= own
+    assert not own & {name.rpartition("/")[2] for name in held}
+    assert not [name for name in held if "bench" in name.split("/")]
 
 
 @compiles

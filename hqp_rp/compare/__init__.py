@@ -2,9 +2,9 @@
 
 What flows: `contestants` (who) are run by `measure` on scenarios, in `workers`, what is finished kept in a `run_folder`;
 `limits` and `comparison` rule on that, `stress` samples one robot and stack, `statistics` passages through singularities,
-`claims` tests a paper, `bench` takes times. Each puts its page together from `figures` and `report`. `play` runs one stack
-in a loop for a person to look at. `command_line` is the way in, with `settings_text` and `robot_options` for what is typed and
-`machine` for where it ran.
+`claims` tests a paper. Each puts its page together from `figures` and `report`. `play` runs one stack
+in a loop for a person to look at. `command_line` is the way in: it gathers the `command` of each of these and `listing`, with
+`settings_text` and `robot_options` for what is typed, `exit_codes` for how it ends, and `machine` for where it ran.
 """
 
 from __future__ import annotations

@@ -77,6 +77,15 @@ def test_an_interrupt_says_how_to_go_on(
     assert "the same command goes on from there" in capsys.readouterr().err
 
 
+def test_the_benchmark_says_where_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--quick", "--family", "7_3-3"]) == MISUSE
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert printed.err.startswith("hqp-rp: bench is no subcommand: ")
+    assert "python -m tests.bench with the same options (docs/bench.md)" in printed.err
+
+
 def test_listing_solvers_loads_nothing_heavy() -> None:
     code = (
         "import sys; from hqp_rp.compare.command_line import main; main(['solvers']);"

@@ -23,10 +23,10 @@ from pink.tasks import (
 )
 
 import hqp_rp
-from hqp_rp.compare.bench.remote import arm_urdf
 from hqp_rp.control import JointLimit, PositionTask, Stack
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.robot import MujocoRobot, PinocchioRobot, sawyer
+from tests.bench.remote import arm_urdf
 from tests.control.pink_scene import DT, FRAMES, away, frame_task, moved, scene, theirs_at
 
 FIXED = ("LowAccelerationTask", "ManipulabilityTask")  # which pink has for robots without a free base only

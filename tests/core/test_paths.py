@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from hqp_rp import Level, Problem, load_problem, load_robot, problems, save_problem
-from hqp_rp.compare.bench.bench import bench
 from hqp_rp.compare.command_line import main
 from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.control.stack_file import load_stack
@@ -18,6 +17,7 @@ from hqp_rp.problems.known_problem import load_known
 from hqp_rp.robot.mujoco_robot import MujocoRobot
 from hqp_rp.robot.named import ASSETS, named_robot
 from hqp_rp.robot.pinocchio_robot import PinocchioRobot
+from tests.bench.bench import bench
 
 
 @pytest.fixture

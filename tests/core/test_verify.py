@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hqp_rp import Level, Problem, certify, solve, truth
-from hqp_rp.compare.bench.families import family
 from hqp_rp.core._native import proven_optimal
 from hqp_rp.core.verify import contradiction, fault_of, hard_excess
+from tests.bench.families import family
 from tests.problems import boxed, independent, over_constrained, two_sided
 
 CASES = [

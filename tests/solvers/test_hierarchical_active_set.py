@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, load_problem, solve, truth
-from hqp_rp.compare.bench.families import family
 from tests import reference
+from tests.bench.families import family
 from tests.problems import (
     EQUALITY_CASES,
     boxed,

@@ -85,7 +85,7 @@ PEERS = (
 ABSENT = {
     "frax 0.1": "kinematics and dynamics in JAX; the package has no solver of prioritized or weighted tasks to put a "
     "problem to",
-    "LexLS 1.0": "no package on the index; `hqp-rp bench --lexls FOLDER` times a checkout's equality solver",
+    "LexLS 1.0": "no package on the index; `python -m tests.bench --lexls FOLDER` times a checkout's equality solver",
     "soth, HoQp, NIPM-HLSP": "C++ libraries without a package on the index",
     "newton 1.8": "batched differential IK without N strict levels; not measured",
 }

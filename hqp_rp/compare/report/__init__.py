@@ -3,5 +3,5 @@
 What flows: `report` holds the records (`Report`, `Section`, `Table`, `Opening`: ready-made sentences, cells and charts),
 `words` spells figures and names, `opening` picks what is said first, and `write` turns a `Report` into report.html, report.md
 and figures with the files in `templates`. What is said is put together where it was measured: in `comparison`, `limits`,
-`stress`, `claims` and `bench`.
+`stress`, `claims` and the benchmark.
 """

@@ -6,8 +6,27 @@ each; `verdicts` boils the rows down to medians, intervals and verdicts, and say
 `picture` and `report` draw and write, in the sentences of `sentences.j2`. `study` runs it.
 """
 
-from hqp_rp.compare.statistics.passages import Design
-from hqp_rp.compare.statistics.record import Statistics
-from hqp_rp.compare.statistics.study import statistics
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hqp_rp.compare.statistics.passages import Design
+    from hqp_rp.compare.statistics.record import Statistics
+    from hqp_rp.compare.statistics.study import statistics
 
 __all__ = ["Design", "Statistics", "statistics"]
+
+# The command line, which lists this package's command, loads polars and matplotlib only for a study.
+_LAZY = {"Design": "passages", "Statistics": "record", "statistics": "study"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module 'hqp_rp.compare.statistics' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"hqp_rp.compare.statistics.{_LAZY[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
