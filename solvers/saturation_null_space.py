@@ -127,7 +127,7 @@ class SaturationNullSpace(Solver):
             if wide.size:
                 return (
                     f"saturation_null_space takes hard bounds on single unknowns only; hard row {wide[0]} has several "
-                    "non-zero entries. Use a solver that takes general rows, such as qp_cascade."
+                    "non-zero entries. Use a solver that takes general rows, such as hierarchical_active_set."
                 )
             if problem.metric is not None and problem.hard.m and np.count_nonzero(problem.metric) > problem.n:
                 return (
