@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +61,8 @@ class PoseLimit:
         "_rows",
         "_upper",
     )
+
+    row_unit: ClassVar[str] = "m/s or rad/s"
 
     def __init__(
         self,

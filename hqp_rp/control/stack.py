@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
+from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import row_names
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
@@ -20,10 +21,10 @@ from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.core._native import is_finite
-from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
+from hqp_rp.core.row_names import ROW_NAMES
 from hqp_rp.robot.robot import Robot
 
 Item: TypeAlias = Any
@@ -334,6 +335,21 @@ class Stack:
         self._offsets = (below[1:] - below[1], below)
         self._counts = rows.counts
 
+    def _outline(self, n: int) -> Problem:
+        """What is known of every problem of this stack before there is a robot, as a problem of n unknowns."""
+        damping = list(self._damping)
+        for k, _, task in self._displacement_tasks:
+            if task.lm_damping:
+                damping[k] = ConstantDamping(1.0)
+        return outline(
+            n,
+            self._names,
+            two_sided=self._two_sided,
+            hard=str(self._hard[0][1].name) if self._hard else "",
+            damping=damping,
+            metric=self._metric.kind,
+        )
+
     def _meet(self, robot: Robot) -> StackRows:
         """What makes the rows on this robot, once it is seen to have what the items name."""
         if not isinstance(robot, Robot):
@@ -373,17 +389,21 @@ class Stack:
         if told:
             warnings.warn(" ".join(told), UserWarning, stacklevel=4)
 
-    def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str]]:
-        """(limit, row) in words of each hard row; limits that share a name are told apart by a number."""
+    def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
+        """(limit, row, unit) in words of each hard row; limits that share a name are told apart by a number."""
         names = [str(item.name) for _, item in self._hard]
         names = [
             f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name for i, name in enumerate(names)
         ]
         return [
-            (name, row)
+            (name, row, self._row_unit(item))
             for name, (_, item), count in zip(names, self._hard, counts, strict=False)
             for row in row_names(item, robot, count)
         ]
+
+    def _row_unit(self, item: Any) -> str:
+        """The unit of a limit's rows, "" where it does not say."""
+        return str(getattr(item, "row_unit", ""))
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control._contact_rows import ContactRows
+from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control.acceleration_stack import AccelerationStack
@@ -21,10 +22,10 @@ from hqp_rp.control.contact_force_task import ContactForceTask
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.control.torque_task import TorqueTask
 from hqp_rp.core import _native
-from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.row_names import ROW_NAMES
 from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
@@ -266,6 +267,29 @@ class TorqueStack:
         problem.kept = {_DYNAMICS: dynamics, ROW_NAMES: lambda: self._row_names(robot, counts)}
         return problem
 
+    @property
+    def _torque_is_bounded(self) -> bool:
+        """Whether a torque limit was given; the model's own are known on the robot only."""
+        given = list(self._torque.values()) if isinstance(self._torque, dict) else self._torque
+        return given is not None and bool(np.isfinite(given).any())
+
+    def _outline(self, n: int) -> Problem:
+        """What is known of every problem of this stack before there is a robot, as a problem of n unknowns."""
+        bounded = self._torque_is_bounded
+        limits = self._motion._hard
+        names = (
+            ["joint torque"] if bounded else [c.name for c in self._contacts] or [str(item.name) for _, item in limits]
+        )
+        return outline(
+            n,
+            self._all_names,
+            two_sided=self._motion._two_sided,
+            hard=names[0] if names else "",
+            wide=bounded or any(contact.cone == "pyramid" for contact in self._contacts),
+            damping=self._policies(self._motion.damping),
+            metric=self._metric.kind,
+        )
+
     def _lay_out(self) -> None:
         """Where all rows stand: hard ones, contacts, then each level's rows on accelerations and on forces."""
         self._motion_offsets = self._motion._offsets
@@ -422,14 +446,17 @@ class TorqueStack:
         self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
         self._robot = robot
 
-    def _row_names(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str]]:
-        """(group, row) in words of each hard row."""
+    def _row_names(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
+        """(group, row, unit) in words of each hard row."""
         names = velocity_names(robot)
-        told = [("equation of motion", names[i]) for i in self._passive]
-        told += [("joint torque", names[i]) for i in self._limited]
+        told = [("equation of motion", names[i], "N m or N") for i in self._passive]
+        told += [("joint torque", names[i], "N m or N") for i in self._limited]
+        force = "N" if self._force_unit == 1.0 else f"x {self._force_unit:g} N"  # rows on f / force_unit
         for contact in self._contacts:
             faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
-            told += [(contact.name, f"point {i + 1} {face}") for i in range(len(contact.points)) for face in faces]
+            told += [
+                (contact.name, f"point {i + 1} {face}", force) for i in range(len(contact.points)) for face in faces
+            ]
         return told + self._motion._named_rows(robot, counts)
 
     def __reduce__(self) -> tuple[Any, ...]:
