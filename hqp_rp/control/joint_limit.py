@@ -13,7 +13,7 @@ from hqp_rp.control._native_rows import Layout, NativeLimit
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.row_kinds import BOX
 from hqp_rp.robot.robot import Robot
 
@@ -121,6 +121,19 @@ class JointLimit(NativeLimit):
         if self._jerk is None:
             return None
         return per_joint(self._jerk, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
+
+    @property
+    def stops_at_once(self) -> bool:
+        """Whether a joint may be asked to stop, or to come back, within one step: position limits, no acceleration, no jerk."""
+        return self._position and self._acceleration is None and self._jerk is None
+
+    def stopped_at_once(self, robot: Robot) -> IntArray:
+        """Velocity indices that have position limits, and neither acceleration nor jerk bounded."""
+        if not self._position or self._jerk is not None:
+            return np.zeros(0, dtype=np.int64)
+        acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
+        limited = np.isfinite(robot.lower) | np.isfinite(robot.upper)
+        return np.flatnonzero(limited & np.isinf(acceleration))
 
     def row_names(self, robot: Robot) -> list[str]:
         """The joints, one for each velocity."""

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.control._brakes import at_once, warn_of_brakes
 from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
 from hqp_rp.control._refusal import outline
@@ -20,6 +21,7 @@ from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import FeedbackTask, Task
+from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.core._native import is_finite
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
@@ -66,6 +68,10 @@ class Stack:
 
     Raises:
         SettingError: no level, an empty level, names, damping or a metric that do not fit, or an item that is none of these.
+
+    Warns:
+        UserWarning: a hard `TorqueLimit` beside a hard `JointLimit` without an acceleration, which asks for stops within one
+            step.
     """
 
     __slots__ = (
@@ -109,6 +115,7 @@ class Stack:
         self._items = [pair for level in adapted for pair in level]
         self._ends = np.cumsum([len(level) for level in adapted]).tolist()
         self._hard = [self._adapt(item, "limits") for item in self._limits]
+        self._warn_of_brakes()
         self._damping = _level_damping(damping, len(adapted))
         self._policies = self._damping if any(self._damping) else None
         levels_of = [k for k, level in enumerate(adapted) for _ in level]
@@ -388,6 +395,13 @@ class Stack:
             )
         if told:
             warnings.warn(" ".join(told), UserWarning, stacklevel=4)
+
+    def _warn_of_brakes(self) -> None:
+        """Hard joint limits that look ahead to no brakes, beside hard torque limits."""
+        hard = [item for _, item in self._hard]
+        unbraked = at_once(hard) if any(isinstance(item, TorqueLimit) for item in hard) else None
+        if unbraked is not None:
+            warn_of_brakes(unbraked, stacklevel=3)
 
     def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
         """(limit, row, unit) in words of each hard row; limits that share a name are told apart by a number."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.control._brakes import at_once, at_once_on, warn_of_brakes
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control._contact_rows import ContactRows
 from hqp_rp.control._refusal import outline
@@ -113,6 +115,10 @@ class TorqueStack:
         SettingError: an item that is none of these, a force task on a contact that is not among `contacts`, or a value out of
             its range.
 
+    Warns:
+        UserWarning: torque limits beside a hard `JointLimit` without an acceleration, which asks for stops within one step;
+            once, when the stack is made, or where the limits are the model's own when it first meets the robot.
+
     Source: Saab, Ramos, Keith, Mansard, Soueres and Fourquet 2013; Herzog et al. 2016 for eliminating the torques.
     """
 
@@ -174,6 +180,11 @@ class TorqueStack:
         self._torque = checked_per_joint(torque, "torque")
         self._driven_names = None if driven is None else tuple(driven)
         self._force_unit = positive_number(force_unit, "force_unit")
+        self._warned = False
+        unbraked = at_once(self._motion.limits) if self._torque_is_bounded else None
+        if unbraked is not None:
+            warn_of_brakes(unbraked, stacklevel=2)
+            self._warned = True
         self._robot: Robot | None = None
         self._motion_offsets: tuple[IntArray, IntArray] | None = None
 
@@ -428,6 +439,10 @@ class TorqueStack:
         default = np.full(robot.nv, math.inf) if own is None else own
         self._limit = per_joint(self._torque, default, robot, "torque")[driven]
         self._limited = driven[self._limit < math.inf]
+        found = None if self._warned else at_once_on(self._motion.limits, robot, self._limited)
+        if found is not None:
+            warn_of_brakes(*found, stacklevel=3)
+            self._warned = True
         self._contact_rows = ContactRows(robot, self._contacts)
         if not self._contacts:
             self._contact_rows.arrays["jacobians"] = np.zeros((0, 6, robot.nv))
@@ -482,4 +497,6 @@ def _bias(robot: Any, v: FloatArray) -> FloatArray:
 
 
 def _rebuilt(levels: Sequence[Any], limits: Sequence[Any], arguments: dict[str, Any]) -> TorqueStack:
-    return TorqueStack(levels, limits, **arguments)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # said where the stack was made
+        return TorqueStack(levels, limits, **arguments)

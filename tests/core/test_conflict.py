@@ -174,7 +174,7 @@ def test_every_limit_names_its_rows() -> None:
     robot = MujocoRobot.from_arm(sawyer())
     robot.update(robot.neutral)
     limits = [
-        JointLimit(velocity=1.0),
+        JointLimit(velocity=1.0, acceleration=5.0),
         VelocityLimit(1.0),
         TorqueLimit({"joint2": 200.0, "joint4": 200.0}),
         LockedJoints(["joint7"]),
