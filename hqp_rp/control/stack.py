@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._brakes import at_once, warn_of_brakes
 from hqp_rp.control._checks import check_frames, positive_number
-from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
+from hqp_rp.control._displacement import Configurations, DisplacementLimit, DisplacementTask, library_of
 from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import row_names
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
 from hqp_rp.control.joint_coupling import JointCoupling
-from hqp_rp.control.limit import Limit
+from hqp_rp.control.joint_limit import JointLimit
+from hqp_rp.control.limit import Limit, VelocityLimit
 from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.core._native import is_finite
@@ -180,7 +181,8 @@ class Stack:
             ProblemError: rows that do not fit together or are not finite; it names the level and the item.
 
         Warns:
-            UserWarning: a dt of more than 1 s, or gain * dt > 1.
+            UserWarning: a dt of more than 1 s, or gain * dt > 1; when it first meets a robot, a `JointLimit()` on a model
+                without velocity limits.
         """
         rows = self._rows
         if rows is None or rows.robot is not robot:
@@ -367,6 +369,7 @@ class Stack:
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
         self._warn_of_couplings(robot)
+        self._warn_of_speeds(robot)
         two_sided = self._two_sided or bool(self._hard)
         self._rows = rows = self._rows_on(robot, two_sided)
         self._count(rows)
@@ -395,6 +398,23 @@ class Stack:
             )
         if told:
             warnings.warn(" ".join(told), UserWarning, stacklevel=4)
+
+    def _warn_of_speeds(self, robot: Robot) -> None:
+        """Joint limits that take speeds from a model that says none."""
+        items = [item for _, item in (*self._hard, *self._items)]
+        if any(isinstance(item, VelocityLimit | DisplacementLimit) for item in items):
+            return
+        for item in items:
+            loose = item.unlimited_speeds(robot) if isinstance(item, JointLimit) else []
+            if loose:
+                warnings.warn(
+                    f"{item.name!r} bounds no speed of {_listed(loose)}: the robot's model says no velocity limits, and none "
+                    "are given. Give JointLimit(velocity=...), or velocity_limit=... when the robot is loaded; "
+                    "JointLimit(velocity=np.inf) where none is what you mean.",
+                    UserWarning,
+                    stacklevel=4,
+                )
+                return
 
     def _warn_of_brakes(self) -> None:
         """Hard joint limits that look ahead to no brakes, beside hard torque limits."""
