@@ -123,6 +123,13 @@ class JointLimit(NativeLimit):
             return None
         return per_joint(self._jerk, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
 
+    def speed_from_rest(self, robot: Robot, dt: float) -> FloatArray:
+        """(nv,) the greatest speed after one step of dt from rest, rad/s or m/s: min(A dt, J dt^2), infinite without both."""
+        acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
+        jerk = self.jerk_on(robot)
+        speed: FloatArray = acceleration * dt if jerk is None else np.minimum(acceleration * dt, jerk * dt**2)
+        return speed
+
     def unlimited_speeds(self, robot: Robot) -> list[str]:
         """The hinges and slides whose speed nothing bounds: no velocity, acceleration or jerk given, none in the model."""
         if not (self._velocity is None and self._acceleration is None and self._jerk is None):

@@ -34,7 +34,12 @@ FAR_FROM = 0.03
 def answer(test: StressResult) -> tuple[str, ...]:
     """The whole in a few sentences."""
     summary = test.summary
-    sentences = [_atlas(test), _anywhere(summary), *(_approach(summary, c) for c in range(len(summary.cases)))]
+    sentences = [
+        test.plan.scene().held_at_rest(),
+        _atlas(test),
+        _anywhere(summary),
+        *(_approach(summary, c) for c in range(len(summary.cases))),
+    ]
     sentences += [_both(summary), _jumps(summary), _summary_of(claims(test)), _honesty(summary)]
     return tuple(sentence for sentence in sentences if sentence)
 
