@@ -12,6 +12,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.row_names import hard_rows_in_words
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
 from hqp_rp.core.variant import QP, LineUp, Variant
@@ -118,8 +119,7 @@ class HierarchicalActiveSet(Solver):
             solution.held = side
             return solution
         if status is Status.INFEASIBLE:
-            names = ", ".join(str(i) for i in np.flatnonzero(side))
-            message = f"Hard rows {names} contradict each other: no x meets them all."
+            message = f"{hard_rows_in_words(problem, np.flatnonzero(side))} contradict each other: no x meets them all."
             least = x if self.least_violation else None
             return Solution(problem, least, status, iterations, message, secondary)
         if status is Status.ITERATION_LIMIT:

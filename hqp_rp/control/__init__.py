@@ -41,6 +41,7 @@ from hqp_rp.control.torque_stack import InverseDynamics, TorqueStack
 from hqp_rp.control.torque_task import TorqueTask
 from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import Wrench, WrenchSensor
+from hqp_rp.core.conflict import Conflict
 
 __all__ = [
     "AccelerationStack",
@@ -50,6 +51,7 @@ __all__ = [
     "CollisionLimit",
     "Command",
     "ConeLimit",
+    "Conflict",
     "Contact",
     "ContactForceTask",
     "FeedbackTask",

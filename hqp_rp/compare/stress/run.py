@@ -16,7 +16,8 @@ from hqp_rp.compare.stress.rows import chunk_rows
 from hqp_rp.compare.stress.subject import Subject
 from hqp_rp.compare.workers import in_processes, one_thread_each, progress_bar
 from hqp_rp.control.singularities import SingularConfiguration, Start, refine_starts
-from hqp_rp.core.errors import MissingExtraError, SettingError
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.extras import require
 
 Finished: TypeAlias = Iterator[tuple[int, pl.DataFrame]]
 
@@ -100,12 +101,8 @@ def dask_client(address: str) -> Any:
         MissingExtraError: dask is not installed.
         SettingError: no scheduler answers there, or it has no workers.
     """
-    try:
-        Client: Any = importlib.import_module("dask.distributed").Client
-    except ImportError:
-        raise MissingExtraError(
-            "--dask needs dask.distributed, which is not installed: pip install 'hqp-rp[cluster]'."
-        ) from None
+    require("--dask", "dask", "distributed")
+    Client: Any = importlib.import_module("dask.distributed").Client
     try:
         client = Client(address, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
