@@ -27,7 +27,7 @@ from hqp_rp.core.errors import (
     UnknownNameError,
     WorkLimitError,
 )
-from hqp_rp.core.extras import require, require_report
+from hqp_rp.core.extras import REPORT, absent, missing_of
 from hqp_rp.core.problem import Level, Problem
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver, all_solvers, get_solver, solve
@@ -225,13 +225,13 @@ _LAZY = {
     "stress": "compare.stress.stress",
 }
 
-# The package that a name needs, asked for in the name that the user wrote.
-_NEEDS = {
-    "Distance": ("hqp_rp.distance", "flint"),
-    "distance": ("hqp_rp.distance", "flint"),
-    "Truth": ("hqp_rp.truth", "flint"),
-    "truth": ("hqp_rp.truth", "flint"),
-    "load_robot": ("hqp_rp.load_robot", "mujoco"),
+# The packages that a name needs: without them there is a stand-in, which says so when it is used.
+_NEEDS: dict[str, tuple[str, ...]] = {
+    "Distance": ("flint",),
+    "distance": ("flint",),
+    "Truth": ("flint",),
+    "truth": ("flint",),
+    "stress": REPORT,
 }
 
 
@@ -240,10 +240,8 @@ def __getattr__(name: str) -> Any:
         return importlib.import_module("hqp_rp.problems")
     if name not in _LAZY:
         raise AttributeError(f"module 'hqp_rp' has no attribute {name!r}")
-    if name in _NEEDS:
-        require(*_NEEDS[name])
-    if name == "stress":
-        require_report("hqp_rp.stress")
+    if missing_of(_NEEDS.get(name, ())):
+        return absent(f"hqp_rp.{name}", *_NEEDS[name])
     return getattr(importlib.import_module(f"hqp_rp.{_LAZY[name]}"), name)
 
 

@@ -7,16 +7,16 @@ import os
 import sys
 
 from hqp_rp.core.errors import MissingExtraError
-from hqp_rp.core.extras import require_report
+from hqp_rp.core.extras import require
 
 READER_GONE = 141
 """The exit code of a program whose reader closed the pipe, as shells have it."""
 
 
 def main() -> int:
-    """Run the command line; 2 where the packages for reports are not installed."""
+    """Run the command line; 2 where tyro, which reads it, is not installed. Each subcommand says itself what else it needs."""
     try:
-        require_report("The command line hqp-rp")
+        require("The command line hqp-rp", "tyro")
     except MissingExtraError as error:
         print(f"hqp-rp: {error}", file=sys.stderr)
         return 2

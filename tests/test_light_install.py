@@ -10,13 +10,15 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+from hqp_rp import Level, Problem, save_problem
 from hqp_rp.core.extras import PACKAGES
 
 ROOT = Path(__file__).parents[1]
 QP = "qpsolvers, proxsuite and osqp", "qpsolvers proxsuite osqp"
+PIN = "pinocchio", "pin", "pinocchio"
 REPORT = (
-    "jinja2, joblib, matplotlib, plotly, polars, rich, tyro, cloudpickle, scipy, mujoco, qpsolvers and flint",
-    "jinja2 joblib matplotlib plotly polars rich tyro cloudpickle scipy mujoco qpsolvers python-flint",
+    "jinja2, joblib, matplotlib, plotly, polars, rich, cloudpickle, scipy, mujoco, qpsolvers and flint",
+    "jinja2 joblib matplotlib plotly polars rich cloudpickle scipy mujoco qpsolvers python-flint",
 )
 
 REFUSE = '''
@@ -37,9 +39,47 @@ sys.meta_path.insert(0, Refuse())
 '''
 
 
-def run(code: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", REFUSE + code]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+HIDE = """
+import importlib.util, sys
+HIDDEN = {hidden!r}
+
+class Hide:
+    \"\"\"Finds none of the packages that extras bring but those that the command line needs.\"\"\"
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in HIDDEN:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+        return None
+
+_find = importlib.util.find_spec
+importlib.util.find_spec = lambda name, package=None: None if name.partition(".")[0] in HIDDEN else _find(name, package)
+sys.meta_path.insert(0, Hide())
+"""
+
+
+def run(code: str, first: str = "") -> subprocess.CompletedProcess[str]:
+    """Python with nothing but numpy; `first` runs before everything else is hidden."""
+    return _python(first + REFUSE + code)
+
+
+def command(*arguments: str, show: tuple[str, ...] = (), cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    """`hqp-rp` with tyro and what tyro needs, and of all other packages only `show`."""
+    hidden = {module for extra, packages in PACKAGES.items() if extra != "cli" for module in packages}
+    hidden -= {"rich", *show}  # which tyro draws its help with
+    code = f"sys.argv[1:] = {list(arguments)!r}; from hqp_rp.script import main; sys.exit(main())"
+    return _python(HIDE.format(hidden=hidden) + f"sys.path.insert(0, {str(ROOT)!r})\n" + code, cwd)
+
+
+def sentence(what: str, modules: str, packages: str, extra: str) -> str:
+    verb = "are" if " and " in modules else "is"
+    return (
+        f"{what} needs {modules}, which {verb} not installed: pip install {packages}, or install hqp-rp with its extra "
+        f'"{extra}"'
+    )
+
+
+def _python(code: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
 def test_everything_light_works_with_numpy_alone(tmp_path: Path) -> None:
@@ -79,14 +119,21 @@ for name in hqp_rp.control.__all__:
         ("hqp_rp.get_solver('weighted')", "A QP back end", *QP, "qp"),
         ("hqp_rp.solve(p, 'daqp')", "The solver daqp", "daqp", "daqp", "qp"),
         ("hqp_rp.truth(p)", "hqp_rp.truth", "flint", "python-flint", "truth"),
-        ("from hqp_rp.robot import MujocoRobot", "hqp_rp.robot.MujocoRobot", "mujoco", "mujoco", "mujoco"),
-        ("from hqp_rp.robot import PinocchioRobot", "hqp_rp.robot.PinocchioRobot", "pinocchio", "pin", "pinocchio"),
-        ("from hqp_rp import load_robot", "hqp_rp.load_robot", "mujoco", "mujoco", "mujoco"),
-        ("hqp_rp.stress", "hqp_rp.stress", *REPORT, "report"),
+        ("hqp_rp.distance(p, [0, 0])", "hqp_rp.distance", "flint", "python-flint", "truth"),
+        ("from hqp_rp import *; truth(p)", "hqp_rp.truth", "flint", "python-flint", "truth"),
+        ("hqp_rp.robot.MujocoRobot(p)", "hqp_rp.robot.MujocoRobot", "mujoco", "mujoco", "mujoco"),
+        ("hqp_rp.robot.MujocoRobot.from_file('a')", "hqp_rp.robot.MujocoRobot", "mujoco", "mujoco", "mujoco"),
+        ("type('Own', (hqp_rp.robot.PinocchioRobot,), {})", "hqp_rp.robot.PinocchioRobot", *PIN),
+        ("from hqp_rp.robot import *; PinocchioRobot(p)", "hqp_rp.robot.PinocchioRobot", *PIN),
+        ("hqp_rp.load_robot('arm.xml')", "load_robot", "mujoco", "mujoco", "mujoco"),
+        ("hqp_rp.load_robot('a.urdf', 'pinocchio')", 'load_robot(..., library="pinocchio")', *PIN),
+        ("hqp_rp.stress('sawyer', 'sawyer')", "hqp_rp.stress", *REPORT, "report"),
+        ("hqp_rp.compare.compare()", "hqp_rp.compare.compare", *REPORT, "report"),
+        ("import hqp_rp.compare.statistics", "hqp_rp.compare.statistics", *REPORT, "report"),
+        ("import hqp_rp.compare.stress.stress", "hqp_rp.compare.stress", *REPORT, "report"),
         ("import hqp_rp.core.torch_layer", "hqp_rp.core.torch_layer", "torch", "torch", "torch"),
         ("import hqp_rp.core.jax_layer", "hqp_rp.core.jax_layer", "jax", "jax", "jax"),
         ("hqp_rp.solve(p, 'null_space').plot()", "Solution.plot", "matplotlib", "matplotlib", "report"),
-        ("from hqp_rp.robot import load_robot", "hqp_rp.robot.load_robot", "mujoco", "mujoco", "mujoco"),
         (
             "from hqp_rp.scenarios.scenario import all_scenarios; all_scenarios()",
             "The scenarios",
@@ -99,23 +146,74 @@ for name in hqp_rp.control.__all__:
 def test_what_is_missing_is_said_with_the_line_that_installs_it(
     code: str, what: str, modules: str, packages: str, extra: str
 ) -> None:
-    start = "import hqp_rp, numpy as np\np = hqp_rp.Problem([hqp_rp.Level.equality(np.eye(2), [1.0, 2.0])])\n"
+    start = "import hqp_rp.robot, hqp_rp.compare, numpy as np\nfrom hqp_rp import *\n"
+    start += "p = hqp_rp.Problem([hqp_rp.Level.equality(np.eye(2), [1.0, 2.0])])\n"
     done = run(f"{start}try:\n    {code}\nexcept hqp_rp.MissingExtraError as error:\n    print(error)\n")
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"{sentence(what, modules, packages, extra)}\n"
 
 
+def test_help_dir_and_star_go_on_without_the_extras() -> None:
+    done = run(
+        """
+import hqp_rp, hqp_rp.compare, hqp_rp.robot
+from hqp_rp import *
+from hqp_rp.robot import *
+for package in (hqp_rp, hqp_rp.robot, hqp_rp.compare):
+    assert set(package.__all__) <= {name for name, _ in inspect.getmembers(package)}
+    assert package.__doc__.splitlines()[0] in pydoc.render_doc(package)
+assert "truth needs flint, which is not installed: pip install python-flint" in pydoc.render_doc(hqp_rp)
+assert "MujocoRobot needs mujoco" in pydoc.render_doc(hqp_rp.robot.MujocoRobot)
+assert truth is hqp_rp.truth and "truth" in repr(truth)
+assert not isinstance(1, MujocoRobot) and not hasattr(PinocchioRobot, "_private")
+for module in pkgutil.walk_packages(hqp_rp.compare.__path__, "hqp_rp.compare.", onerror=lambda name: None):
+    try:
+        importlib.import_module(module.name)
+    except hqp_rp.MissingExtraError:
+        continue
+print("done")
+""",
+        first="import inspect, pkgutil, pydoc\n",
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "done\n"
+
+
 def test_the_command_line_says_what_it_lacks() -> None:
     done = run("from hqp_rp.script import main\nsys.exit(main())\n")
     assert done.returncode == 2
-    assert done.stderr == f"hqp-rp: {sentence('The command line hqp-rp', *REPORT, 'report')}\n"
+    assert done.stderr == f"hqp-rp: {sentence('The command line hqp-rp', 'tyro', 'tyro', 'cli')}\n"
 
 
-def sentence(what: str, modules: str, packages: str, extra: str) -> str:
-    verb = "are" if " and " in modules else "is"
-    return (
-        f"{what} needs {modules}, which {verb} not installed: pip install {packages}, or install hqp-rp with its extra "
-        f'"{extra}"'
+def test_the_command_line_needs_no_more_than_it_uses(tmp_path: Path) -> None:
+    for arguments in (["--help"], ["solvers"], ["stress", "--help"], ["play", "--help"], ["check", "--help"]):
+        done = command(*arguments)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout
+    levels = [Level.equality([[1.0, 0.0]], [1.0], name="reach")]
+    save_problem(Problem(levels), tmp_path / "problem.npz")
+    done = command("check", "problem.npz", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert ", rank 1 of 1 row. NONE: " in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "show", "lacks"),
+    [
+        (["compare", "--quick"], (), sentence("hqp-rp compare", *REPORT, "report")),
+        (["stress", "sawyer", "--stack", "sawyer"], (), sentence("hqp-rp stress", *REPORT, "report")),
+        (["statistics"], (), sentence("hqp-rp statistics", *REPORT, "report")),
+        (["claims"], (), sentence("hqp-rp claims", *REPORT, "report")),
+        (["play"], ("mujoco",), sentence("hqp-rp play", "viser", "viser", "play")),
+        (["scenarios"], (), sentence("The scenarios", "mujoco", "mujoco", "mujoco")),
+        (["check", "sawyer", "--robot", "sawyer"], (), sentence("The robot 'sawyer'", "mujoco", "mujoco", "mujoco")),
+    ],
+)
+def test_a_subcommand_says_what_it_lacks(arguments: list[str], show: tuple[str, ...], lacks: str) -> None:
+    done = command(*arguments, show=show)
+    assert done.returncode == 2
+    assert done.stderr.replace(", rich", "").replace(" rich", "") == f"hqp-rp: {lacks}\n".replace(", rich", "").replace(
+        " rich", ""
     )
 
 

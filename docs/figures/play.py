@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.image import imread
 
 from hqp_rp import get_solver
-from hqp_rp.compare.play.command import page_of, save_figure
+from hqp_rp.compare.play.show import page_of, save_figure
 from hqp_rp.core.damping import ConstantDamping
 from tests.compare.play.browser import Browser
 

@@ -10,12 +10,14 @@ import pathlib
 import shutil
 import uuid
 from collections.abc import Iterable, Mapping
-from typing import Any
-
-import polars as pl
+from typing import TYPE_CHECKING, Any
 
 from hqp_rp.core.errors import FileError
+from hqp_rp.core.extras import require
 from hqp_rp.core.paths import user_path
+
+if TYPE_CHECKING:
+    import polars as pl
 
 MANIFEST = "run.json"
 PARTS = "parts"
@@ -135,6 +137,9 @@ class RunFolder:
 
         Raises `FileError` when a part is missing or damaged; a damaged one is to be deleted and made again.
         """
+        require("A folder of rows", "polars")
+        import polars as pl
+
         frames = []
         for key in keys:
             path = self.part(key)

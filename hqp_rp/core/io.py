@@ -17,6 +17,7 @@ from hqp_rp.core.damping import LevelDamping, NoDamping, damping_of
 from hqp_rp.core.errors import FileError, ProblemError, SettingError
 from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import Level, Problem
+from hqp_rp.core.row_names import ROW_NAMES, row_names
 
 FORMAT = "hqp_rp problem"
 VERSION = 3
@@ -58,8 +59,8 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
 
     The .npz holds `format`, `version`, `matrix` (M, n), `lower`, `upper` (M,), `offsets` (p + 1,), `names` (p,), when
     there are hard rows `hard_A`, `hard_lower`, `hard_upper`, `hard_name`, where a level is damped `damping_kind` (p,) and
-    `damping_parameters` (p, 2), where there is one `metric` (n, n), and `metadata`, a JSON object. Every float
-    comes back to the last bit.
+    `damping_parameters` (p, 2), where there is one `metric` (n, n), where a stack named its hard rows `hard_rows` (h, 3): the
+    limit, the row and the unit of each in words, and `metadata`, a JSON object. Every float comes back to the last bit.
 
     Args:
         problem: the problem.
@@ -71,7 +72,7 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
         SettingError: a metadata value that JSON cannot hold.
     """
     target = user_path(path)
-    arrays = arrays_of(problem) | {"metadata": np.array(_encoded(metadata))}
+    arrays = arrays_of(problem) | _row_names(problem) | {"metadata": np.array(_encoded(metadata))}
     partial = target.with_name(f".{target.name}.{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
     try:
         with partial.open("xb") as file:
@@ -82,6 +83,12 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
             partial.unlink()
         raise FileError(f"{target}: the problem cannot be written ({error.strerror or error}).") from error
     return target
+
+
+def _row_names(problem: Problem) -> dict[str, Any]:
+    if problem.hard is None or ROW_NAMES not in (problem.kept or {}):
+        return {}
+    return {"hard_rows": np.array(row_names(problem), dtype=np.str_).reshape(problem.hard_rows, 3)}
 
 
 def version_of(problem: Problem) -> int:
@@ -149,6 +156,9 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
             damping=_damping(arrays),
             metric=arrays.get("metric"),
         )
+        if "hard_rows" in arrays:
+            named = _named(arrays["hard_rows"], problem.hard_rows)
+            problem.kept = {**(problem.kept or {}), ROW_NAMES: lambda: named}
         metadata = json.loads(str(arrays["metadata"]))
     except KeyError as error:
         raise FileError(f"{source}: the array {error.args[0]!r} is missing.") from error
@@ -159,6 +169,12 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
     if not isinstance(metadata, dict):
         raise FileError(f"{source}: its metadata is a {type(metadata).__name__}, not a JSON object.")
     return problem, metadata
+
+
+def _named(rows: Any, count: int) -> list[tuple[str, ...]]:
+    if rows.shape != (count, 3) or rows.dtype.kind != "U":
+        raise ProblemError(f"hard_rows has shape {rows.shape}; it must be ({count}, 3) words.")
+    return [tuple(map(str, row)) for row in rows]
 
 
 def _damping(arrays: dict[str, Any]) -> list[LevelDamping | None] | None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from hqp_rp.core.extras import require
+from hqp_rp.core.extras import absent, missing_of
 
 if TYPE_CHECKING:
-    from hqp_rp.robot.arms import planar_arm, sawyer
+    from hqp_rp.robot.arms import panda_like, planar_arm, sawyer
     from hqp_rp.robot.batch import FrameBatch, frame_batch
     from hqp_rp.robot.coupling import Coupling
     from hqp_rp.robot.dh import DHArm, Link
@@ -32,6 +32,7 @@ __all__ = [
     "arm_spec",
     "frame_batch",
     "load_robot",
+    "panda_like",
     "planar_arm",
     "sawyer",
 ]
@@ -50,18 +51,20 @@ _LAZY = {
     "RobotSource": "robot_source",
     "arm_spec": "mujoco_arm",
     "load_robot": "model_file",
+    "panda_like": "arms",
     "planar_arm": "arms",
     "sawyer": "arms",
 }
 
-_NEEDS = {"MujocoRobot": "mujoco", "arm_spec": "mujoco", "load_robot": "mujoco", "PinocchioRobot": "pinocchio"}
+# Without it there is a stand-in, which says so when it is used.
+_NEEDS = {"MujocoRobot": "mujoco", "arm_spec": "mujoco", "PinocchioRobot": "pinocchio"}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _LAZY:
         raise AttributeError(f"module 'hqp_rp.robot' has no attribute {name!r}")
-    if name in _NEEDS:
-        require(f"hqp_rp.robot.{name}", _NEEDS[name])
+    if name in _NEEDS and missing_of((_NEEDS[name],)):
+        return absent(f"hqp_rp.robot.{name}", _NEEDS[name])
     return getattr(importlib.import_module(f"hqp_rp.robot.{_LAZY[name]}"), name)
 
 

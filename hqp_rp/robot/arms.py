@@ -1,4 +1,4 @@
-"""The arms of the library: the paper's Sawyer and a planar arm of any number of joints, as `DHArm` data."""
+"""The arms of the library as `DHArm` data: the paper's Sawyer, one like the Panda, a planar arm of any number of joints."""
 
 from __future__ import annotations
 
@@ -52,6 +52,29 @@ def sawyer(total_mass: float = 11.0) -> DHArm:
         damping=tuple(1e-3 * kv for kv in gain),
         servo_gain=gain,
         neutral=(0.0, half, 0.0, -half, 0.0, half, 0.0),
+    )
+
+
+def panda_like() -> DHArm:
+    """Kinematics and limits of Franka Emika's Panda without a gripper. Inertias are not published: each link counts as 2 kg.
+
+    The manufacturer's rows are in the proximal (Craig) convention, (a, alpha) of row i + 1 standing where the distal one has
+    those of row i: read so here, with the flange as the tool.
+
+    Source: Franka Control Interface documentation, "Robot and interface specifications", DH parameters and limits.
+    """
+    half = math.pi / 2.0
+    return DHArm(
+        name="panda_like",
+        d=(0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.107),
+        a=(0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088, 0.0),
+        alpha=(-half, half, half, -half, half, half, 0.0),
+        lower=(-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973),
+        upper=(2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973),
+        velocity_limit=(2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
+        mass=(2.0,),
+        radius=(0.06,),
+        neutral=(0.0, -0.25 * math.pi, 0.0, -0.75 * math.pi, 0.0, half, 0.25 * math.pi),
     )
 
 

@@ -51,6 +51,7 @@ def load_robot(
     if library not in ("mujoco", "pinocchio"):
         raise unknown_name("robot library", library, ("mujoco", "pinocchio"))
     if library == "mujoco":
+        require("load_robot", "mujoco")
         from hqp_rp.robot.mujoco_robot import MujocoRobot as Adapter
     else:
         require('load_robot(..., library="pinocchio")', "pinocchio")

@@ -5,3 +5,7 @@ of figures (`contact_figures`, `response_figures`); `outcomes` boil rows down to
 of them, `algebra` says what needs no run, `verdicts` rule; `charts`, `overview` and `report` show them. What a reader reads is
 in `sentences.j2`, here and in the two folders.
 """
+
+from hqp_rp.core.extras import require_report
+
+require_report("hqp_rp.compare.claims")

@@ -5,3 +5,7 @@ What flows: `report` holds the records (`Report`, `Section`, `Table`, `Opening`:
 and figures with the files in `templates`. What is said is put together where it was measured: in `comparison`, `limits`,
 `stress`, `claims` and the benchmark.
 """
+
+from hqp_rp.core.extras import require_report
+
+require_report("hqp_rp.compare.report")

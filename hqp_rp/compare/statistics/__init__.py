@@ -11,14 +11,18 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from hqp_rp.core.extras import require_report
+
 if TYPE_CHECKING:
     from hqp_rp.compare.statistics.passages import Design
     from hqp_rp.compare.statistics.record import Statistics
     from hqp_rp.compare.statistics.study import statistics
 
+require_report("hqp_rp.compare.statistics")
+
 __all__ = ["Design", "Statistics", "statistics"]
 
-# The command line, which lists this package's command, loads polars and matplotlib only for a study.
+# polars and matplotlib are loaded only for a study.
 _LAZY = {"Design": "passages", "Statistics": "record", "statistics": "study"}
 
 

@@ -5,3 +5,7 @@ and `judge` judge answers against references, `rows` solve and judge a chunk, `r
 counts over all rows, and `record` holds what was found; `findings`, `worst`, `opening` and `report` tell it, `stress` does all
 of it, and `reports` remakes the reports in docs.
 """
+
+from hqp_rp.core.extras import require_report
+
+require_report("hqp_rp.compare.stress")

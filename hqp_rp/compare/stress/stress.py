@@ -80,8 +80,8 @@ def stress(
     where it stopped when it is started again with the same output folder.
 
     Args:
-        robot: a `Robot`; an MJCF or URDF file, or a `RobotSource`, which says how to load one; "sawyer", "planar4",
-            "dual_sawyer" or "humanoid"; None for the robot that the stack file says. A given `Robot` is not moved.
+        robot: a `Robot`; an MJCF or URDF file, or a `RobotSource`, which says how to load one; "sawyer", "panda_like",
+            "planar4", "dual_sawyer" or "humanoid"; None for the robot that the stack file says. A given `Robot` is not moved.
         stack: a `Stack`; a stack file, the name of one of the library's own, or a `StackFile`.
         dt: s, for how long an answer is held; needed by a `Stack` with limits, and None takes what the stack file says.
         samples: how many configurations, >= 1: about a third at random, near the limits, and on paths to singularities.

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from hqp_rp.compare.check import conflict_sentence, described
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.report.sentences import Sentences
-from hqp_rp.compare.report.words import number
 from hqp_rp.compare.settings_text import parse_contestant
 from hqp_rp.compare.stress.plan import Plan, Samples
 from hqp_rp.compare.stress.record import StressResult
@@ -84,13 +84,10 @@ def replay(path: str | pathlib.Path, solver: str | None = None) -> Replayed:
     problem, metadata = load_problem(path), load_metadata(path)
     chosen = parse_contestant(solver or str(metadata.get("solver", "null_space")))
     solution = chosen.solve(problem)
-    names = {
-        key: metadata[key]
-        for key in ("model", "sample", "kind", "sigma", "what", "figure", "contestant")
-        if key in metadata
-    }
-    lines = [f"{path}: {', '.join(f'{key} {_short(value)}' for key, value in names.items())}", f"  {chosen!r}"]
+    lines = [f"{path}: {described(metadata)}", f"  {chosen!r}"]
     lines.append(f"  {solution.status.name}: {solution.status.value} {solution.message}".rstrip())
+    if solution.conflict is not None:
+        lines.append(f"  {conflict_sentence(solution)}")
     if solution.x is None:
         return Replayed(None, tuple(lines))
     lines.append(f"  |x| = {norm(solution.x):.6g}, x = {np.array2string(solution.x, precision=6)}")
@@ -139,7 +136,3 @@ def _metadata(plan: Plan, contestant: Contestant, case: Worst, samples: Samples,
         "what": WORST[case.criterion],
         "figure": case.value,
     }
-
-
-def _short(value: Any) -> str:
-    return number(value, 4) if isinstance(value, float) else str(value)

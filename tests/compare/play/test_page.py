@@ -16,9 +16,9 @@ import pytest
 
 import hqp_rp
 from hqp_rp.compare.command_line import MISUSE, main
-from hqp_rp.compare.play.command import page_of
 from hqp_rp.compare.play.loop import PlayLoop
 from hqp_rp.compare.play.recording import load_recording
+from hqp_rp.compare.play.show import page_of
 from hqp_rp.control._rotations import quaternion_to_matrix
 from hqp_rp.control.stack_file import load_stack
 from hqp_rp.robot.robot_source import RobotSource

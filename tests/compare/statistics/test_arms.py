@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hqp_rp import UnknownNameError
-from hqp_rp.compare.statistics.arms import ARMS, arm_named, panda_like, scene_of
+from hqp_rp.compare.statistics.arms import ARMS, arm_named, scene_of
+from hqp_rp.robot import panda_like
 
 
 def test_the_panda_like_arm_has_the_published_kinematics() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pathlib
 
 from hqp_rp.core.errors import SettingError
+from hqp_rp.core.extras import require_report
 from hqp_rp.core.paths import user_path
 
 
@@ -24,6 +25,7 @@ def claims(
         workers: processes; one for each core when not given.
         films: render short films too, where a GL back end is there; the short study has none.
     """
+    require_report("hqp-rp claims")
     from hqp_rp.compare.claims.report import study_claims
 
     if workers is not None and workers < 1:

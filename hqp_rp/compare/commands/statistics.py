@@ -8,6 +8,7 @@ import pathlib
 import tyro
 
 from hqp_rp.compare.exit_codes import stopped
+from hqp_rp.core.extras import require_report
 from hqp_rp.core.paths import user_path
 
 
@@ -38,6 +39,7 @@ def statistics(
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
     """
+    require_report("hqp-rp statistics")
     from hqp_rp.compare.statistics.passages import Design
     from hqp_rp.compare.statistics.study import QUICK
     from hqp_rp.compare.statistics.study import statistics as run

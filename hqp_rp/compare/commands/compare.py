@@ -7,6 +7,7 @@ import pathlib
 import tyro
 
 from hqp_rp.compare.exit_codes import stopped
+from hqp_rp.core.extras import require_report
 from hqp_rp.core.paths import user_path
 
 
@@ -34,6 +35,7 @@ def compare(
         overwrite: replace the report of another run in that folder.
         workers: processes; one for each core when not given.
     """
+    require_report("hqp-rp compare")
     from hqp_rp.compare.comparison.comparison import compare as run
 
     output = user_path(output)

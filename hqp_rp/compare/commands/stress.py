@@ -9,6 +9,7 @@ import tyro
 
 from hqp_rp.compare.exit_codes import stopped
 from hqp_rp.compare.robot_options import robot_options
+from hqp_rp.core.extras import require_report
 from hqp_rp.core.paths import user_path
 
 
@@ -37,8 +38,8 @@ def stress(
     stopped, or killed, goes on where it stopped when the same command is given again.
 
     Args:
-        model: an MJCF or URDF file, or sawyer, planar4 (planarN), dual_sawyer, humanoid; without it, the one that the stack
-            file says under [robot]. What is given here counts before what that says.
+        model: an MJCF or URDF file, or sawyer, panda_like, planar4 (planarN), dual_sawyer, humanoid; without it, the one
+            that the stack file says under [robot]. What is given here counts before what that says.
         stack: a stack file (TOML), or the name of one that comes with the library: sawyer, sawyer_limits, planar4,
             dual_sawyer, humanoid.
         library: what computes the robot; mujoco when not given.
@@ -57,6 +58,7 @@ def stress(
         workers: processes; one for each core when not given.
         dask: address of a running dask scheduler that takes the work instead, such as tcp://10.0.0.1:8786.
     """
+    require_report("hqp-rp stress")
     from hqp_rp.compare.stress.stress import stress as run
     from hqp_rp.control.stack_file import load_stack
 
