@@ -47,12 +47,12 @@ def check(
     chosen = parse_contestant(solver)
     given = robot_options(library, meshes, package_path, floating_base, repair_inertias, keyframe)
     if pathlib.PurePath(file).suffix.lower() == ".npz":
-        of_stack = {"--robot": robot, "--q": q, "--dt": dt} | dict.fromkeys(given, True)
-        for option, value in of_stack.items():
-            if value is not None:
-                raise SettingError(
-                    f"{option} is for a stack file; {file} is a saved problem, which holds all there is."
-                )
+        stated = [name for name, value in (("robot", robot), ("q", q), ("dt", dt)) if value is not None]
+        for name in (*stated, *given):
+            option = {"meshes": "no-meshes", "package_paths": "package-path", "neutral": "keyframe"}.get(name, name)
+            raise SettingError(
+                f"--{option.replace('_', '-')} is for a stack file; {file} is a saved problem, which holds all there is."
+            )
         problem, told = load_problem(file), described(load_metadata(file))
         told = f"{file}: {told}" if told else file
     else:

@@ -2,8 +2,8 @@
 
 What flows: `subject` says which robot and stack, `atlas` keeps its singularities, `plan` lays out samples in chunks, `levels`
 and `judge` judge answers against references, `rows` solve and judge a chunk, `run` spreads chunks over workers, `summary`
-counts over all rows, and `record` holds what was found; `findings`, `worst`, `opening` and `report` tell it, `stress` does all
-of it, and `reports` remakes the reports in docs.
+counts over all rows, `infeasible` says why samples have no answer, and `record` holds what was found; `findings`, `worst`,
+`opening` and `report` tell it, `stress` does all of it, and `reports` remakes the reports in docs.
 """
 
 from hqp_rp.core.extras import require_report

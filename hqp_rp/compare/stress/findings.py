@@ -40,13 +40,37 @@ def answer(test: StressResult) -> tuple[str, ...]:
     """The whole in a few sentences."""
     summary = test.summary
     sentences = [
-        test.plan.scene().held_at_rest(),
+        _infeasible(test),
+        test.held_at_rest,
         _atlas(test),
         _anywhere(summary),
         *(_approach(summary, c) for c in range(len(summary.cases))),
     ]
     sentences += [_both(summary), _jumps(summary), claims_summary(claims(test)), _honesty(summary)]
     return tuple(sentence for sentence in sentences if sentence)
+
+
+def _infeasible(test: StressResult) -> str:
+    why = test.infeasible
+    if why is None:
+        return ""
+    return say(
+        "infeasible",
+        part=why.samples / test.summary.samples,
+        count=why.samples,
+        samples=test.summary.samples,
+        found=[(item.groups, item.count) for item in why.found],
+        looked_at=why.looked_at,
+        proven=why.proven,
+        sample=why.found[0].sample if why.found else None,
+        conflict=str(why.found[0].conflict) if why.found else None,
+        file=infeasible_file(0),
+    )
+
+
+def infeasible_file(place: int) -> str:
+    """Where the problem of the place-th contradiction is kept, from the report's folder on."""
+    return f"worst/infeasible-{place + 1}.npz"
 
 
 def _atlas(test: StressResult) -> str:
@@ -166,13 +190,14 @@ def _norms(summary: Summary, c: int, k: int) -> NDArray[np.int64]:
 
 def _jumps(summary: Summary) -> str:
     jumping, never = [], []
-    for label, jumps in _each(summary, summary.jumps.sum(axis=0)):
+    known = summary.steps.sum(axis=(0, 2))
+    for (label, jumps), steps in zip(_each(summary, summary.jumps.sum(axis=0)), known, strict=True):
         where = sigma_of_bins()[jumps > 0]
         if where.size:
             jumping.append((label, int(jumps.sum()), float(where.max()), float(where.min())))
-        else:
+        elif steps:  # without an answer on two neighbouring samples nothing is known of jumps
             never.append(label)
-    return say("jumps", jumping=jumping, never=never) if summary.cases else ""
+    return say("jumps", jumping=jumping, never=never) if jumping or never else ""
 
 
 def _honesty(summary: Summary) -> str:

@@ -12,7 +12,7 @@ from hqp_rp.compare.measure.cases import BOUNDED, KEPT, PARTING
 from hqp_rp.compare.report.opening import advised, advised_against, first_chart
 from hqp_rp.compare.report.report import Opening, Section
 from hqp_rp.compare.report.sentences import Sentences
-from hqp_rp.compare.report.words import number
+from hqp_rp.compare.report.words import number, share
 from hqp_rp.compare.stress.findings import growth, level_error
 from hqp_rp.compare.stress.plan import KINDS, LIMITS, RANDOM
 from hqp_rp.compare.stress.record import StressResult
@@ -27,6 +27,10 @@ def opening_of_stress(test: StressResult, sections: Sequence[Section]) -> Openin
     judged = int(summary.judged[kinds].sum())
     advice: list[tuple[str, str]] = []
     numbers: list[tuple[str, str]] = []
+    why = test.infeasible
+    if why is not None:
+        groups = [item.groups for item in why.found[:1]]
+        numbers.append((share(why.samples / summary.samples), say("figure_infeasible", groups=groups)))
     if judged:
         right = summary.right[:, kinds].sum(axis=1)
         exact = [label for k, label in enumerate(summary.labels) if right[k] == judged]

@@ -22,6 +22,7 @@ from hqp_rp.compare.stress.findings import (
     case_sentences,
     claims,
     growth,
+    infeasible_file,
     leaves,
     level_error,
     title_of,
@@ -189,7 +190,7 @@ def _profiles(test: StressResult) -> Chart:
     return Lines(
         name="performance-profiles",
         title="Performance profiles",
-        caption=say("caption_profiles", judged=total, resolved=RESOLVED, parting=PARTING),
+        caption=say("caption_profiles", judged=int(summary.judged.sum()), resolved=RESOLVED, parting=PARTING),
         x_label="tau",
         columns=tuple(group for group, _ in groups),
         rows=("share, distance\nwithin tau of the best", "share, time\nwithin tau of the best"),
@@ -247,6 +248,13 @@ def _worst(test: StressResult) -> Table:
         (case.contestant, WORST[case.criterion], number(case.value), str(case.sample), replay_command(test, case))
         for case in test.summary.worst
     )
+    found = () if test.infeasible is None else test.infeasible.kept
+    conflicts = tuple(
+        ("every one", say("contradiction", groups=item.groups), number(item.conflict.gap), str(item.sample),
+         f"hqp-rp check {infeasible_file(place)}")
+        for place, item in enumerate(found)
+    )  # fmt: skip
+    rows = conflicts + rows
     return Table(
         say("table_worst"),
         ("solver", "what", "figure", "sample", "replay, in the report's folder"),

@@ -19,6 +19,7 @@ from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.compare.stress.atlas import NAME as ATLAS
 from hqp_rp.compare.stress.atlas import load_atlas, save_atlas
 from hqp_rp.compare.stress.findings import answer
+from hqp_rp.compare.stress.infeasible import infeasibility
 from hqp_rp.compare.stress.plan import Plan, Scene, approachable, quiet, scene_of
 from hqp_rp.compare.stress.record import StressResult
 from hqp_rp.compare.stress.report import stress_report
@@ -129,7 +130,9 @@ def stress(
             run_chunks(plan, folder, workers=workers, client=client, progress=progress)
             parts = (folder.load([key(chunk.index)]) for chunk in plan.chunks)
             levels = scene.stack.names
-            found = Stress(plan, levels, places, left_out, summarize(plan, levels, parts))
+            summary = summarize(plan, levels, parts)
+            why = infeasibility(plan, summary.infeasible, summary.some_infeasible)
+            found = Stress(plan, levels, places, left_out, summary, why, held)
     finally:
         if client is not None:
             client.close()

@@ -24,6 +24,8 @@ RATIO_DECADES, RATIO_FINE = 16, 16
 RATIOS = RATIO_DECADES * RATIO_FINE + 1
 """Ratios of a performance profile are counted in bins of 1/16 decade from 1 to 1e16; the last bin is beyond, or no answer."""
 
+_KEPT = 64  # infeasible samples of each part whose number is kept
+
 FAR_OFF, LARGE, JUMPING = "far off", "large", "jump"
 WORST = {
     FAR_OFF: "farthest from the optimum",
@@ -68,7 +70,9 @@ class Summary:
         optimum: (cases, S, BINS) counts of ||x*|| where it is known.
         jumps, steps: (cases, K, S) how many jumps, among how many steps where that is known.
         status: (K, kinds, statuses) counts. time, distance: (K, BINS) and (K, kinds, BINS) counts.
-        worst_distance, worst_norm: (K, kinds), worst_error: (K, kinds, p): the largest value, 0 where there is none.
+        worst_distance: (K, kinds), worst_error: (K, kinds, p): the largest value, 0 where there is none.
+        worst_norm: (K, kinds) the largest ||x||, nan where there is no answer.
+        infeasible: samples that some contestant ended with `INFEASIBLE`; some_infeasible: numbers of some of them.
         right: (K, kinds) answers within `PARTING` of the optimum; judged: (kinds,) samples whose optimum is known for sure.
         ambiguous: (kinds,) samples whose rank is a matter of opinion. references: how many samples were judged how.
         profile, time_profile: (K, RATIOS) Dolan and More's ratios of distance, and of time to a right answer.
@@ -88,7 +92,9 @@ class Summary:
         self.time = np.zeros((K, BINS), dtype=np.int64)
         self.distance = np.zeros((K, len(KINDS), BINS), dtype=np.int64)
         self.worst_distance = np.zeros((K, len(KINDS)))
-        self.worst_norm = np.zeros((K, len(KINDS)))
+        self.worst_norm = np.full((K, len(KINDS)), np.nan)
+        self.infeasible = 0
+        self.some_infeasible: list[int] = []
         self.worst_error = np.zeros((K, len(KINDS), p))
         self.right = np.zeros((K, len(KINDS)), dtype=np.int64)
         self.judged = np.zeros(len(KINDS), dtype=np.int64)
@@ -108,6 +114,10 @@ class Summary:
         status = part.array("status_code").astype(np.int64)
         for k in range(K):
             self.status[k, kind] += np.bincount(status[k], minlength=len(STATUSES))
+        infeasible = np.flatnonzero((status == STATUSES.index(Status.INFEASIBLE.name)).any(axis=0))
+        self.infeasible += len(infeasible)
+        numbers = part.array("sample")[0].astype(np.int64)[infeasible]
+        self.some_infeasible += numbers[:: max(1, len(numbers) // _KEPT)].tolist()
         distance, clear = part.array("distance"), ~part.array("ambiguous").astype(bool)
         self.ambiguous[kind] += int((~clear[0]).sum())
         for name, count in rows[: part.count].group_by("reference").len().iter_rows():
@@ -253,8 +263,9 @@ def largest(counts: NDArray[np.integer]) -> float:
 
 
 def _raise_to(highest: FloatArray, values: FloatArray) -> None:
-    """highest (K,) <- the largest finite value of values (K, C), where larger."""
-    np.maximum(highest, np.where(np.isfinite(values), values, 0.0).max(axis=1), out=highest)
+    """highest (K,) <- the largest finite value of values (K, C), where there is one and it is larger."""
+    largest_of_part = np.where(np.isfinite(values), values, -np.inf).max(axis=1)
+    np.fmax(highest, np.where(np.isfinite(largest_of_part), largest_of_part, np.nan), out=highest)
 
 
 def _cases(plan: Plan) -> tuple[dict[int, int], tuple[Case, ...]]:

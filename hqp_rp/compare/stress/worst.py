@@ -14,6 +14,8 @@ from hqp_rp.compare.check import conflict_sentence, described
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.report.sentences import Sentences
 from hqp_rp.compare.settings_text import parse_contestant
+from hqp_rp.compare.stress.findings import infeasible_file
+from hqp_rp.compare.stress.infeasible import problems_of
 from hqp_rp.compare.stress.plan import Plan, Samples
 from hqp_rp.compare.stress.record import StressResult
 from hqp_rp.compare.stress.summary import JUMPING, WORST, Worst
@@ -25,14 +27,30 @@ from hqp_rp.core.solver import Solver, all_solvers
 
 say = Sentences(__file__)
 
+CONTRADICTION = "hard rows that contradict each other"
+
 TRUTH_UNKNOWNS = 40
 """A replay states the distance from the exact truth up to this many unknowns (about 0.1 s there)."""
 
 
 def save_worst(test: StressResult, folder: pathlib.Path) -> list[pathlib.Path]:
-    """Write each worst case of the summary as .npz, a jump as the two samples between which it happens."""
+    """Write each worst case of the summary as .npz, a jump as the two samples between which it happens, and one problem of
+    each contradiction among hard rows."""
     folder.mkdir(exist_ok=True)
     written = []
+    found = () if test.infeasible is None else test.infeasible.kept
+    for place, item in enumerate(found):
+        ((_, problem),) = problems_of(test.plan, [item.sample])
+        metadata = {
+            "model": test.plan.model,
+            "stack": test.plan.stack.text,
+            "seed": test.plan.seed,
+            "sample": item.sample,
+        }
+        name = pathlib.PurePath(infeasible_file(place)).name
+        written.append(
+            save_problem(problem, folder / name, **metadata, what=CONTRADICTION, solver="hierarchical_active_set")
+        )
     samples: dict[int, Samples] = {}
     for case in test.summary.worst:
         chunk = next(item for item in test.plan.chunks if item.first <= case.sample < item.first + item.count)

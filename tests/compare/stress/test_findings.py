@@ -11,9 +11,11 @@ import pytest
 from hqp_rp import ConstantDamping, get_solver
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.stress.findings import answer, case_sentences, claims
+from hqp_rp.compare.stress.infeasible import Contradiction, Infeasibility
 from hqp_rp.compare.stress.opening import opening_of_stress
 from hqp_rp.compare.stress.plan import KINDS, RANDOM
 from hqp_rp.compare.stress.summary import Summary, sigma_of_bins, value_bins
+from hqp_rp.core.conflict import Conflict
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.variant import DAMPED, EXACT
 
@@ -29,8 +31,9 @@ NEAR_AND_FAR = sigma_of_bins()[[0, 1, 8, 20]]
 def empty_test(places: int = 3) -> Any:
     place = SimpleNamespace(level=1, kind=Singularity.ALGORITHMIC, name="elbow")
     plan: Any = SimpleNamespace(contestants=CONTESTANTS, places=(place,) * places, paths=2 * bool(places), order=(0, 0))
+    catalogue = (place,) * (places + 1) if places else ()
     return SimpleNamespace(
-        plan=plan, summary=Summary(plan, LEVELS), catalogue=(place,) * (places + 1) if places else ()
+        plan=plan, summary=Summary(plan, LEVELS), catalogue=catalogue, infeasible=None, held_at_rest=""
     )
 
 
@@ -61,6 +64,7 @@ def test() -> Any:
     made.summary.optimum[0, :2, value_bins(np.array([1.0]))] = 1
     made.summary.judged[KINDS.index(RANDOM)] = 4
     made.summary.right[:, KINDS.index(RANDOM)] = (4, 3, 0)
+    made.summary.steps[0] = 1
     made.summary.references["exact"] = 8
     made.summary.ambiguous[0] = 1
     return made
@@ -107,6 +111,45 @@ def test_jumps_say_how_often_and_between_which_sigma(test: Any) -> None:
         in (" ".join(answer(test)))
     )
     assert "No jump" not in " ".join(answer(test))
+    test.summary.steps[0] = test.summary.jumps[0] = 0  # no answers on the paths: nothing is known of jumps
+    assert "ump" not in " ".join(answer(test))
+
+
+CORRIDOR = Conflict(
+    rows=(7, 1),
+    sides=("upper", "lower"),
+    names=("corridor: z upper", "joints: j2 lower"),
+    gap=0.5,
+    remedies=("corridor",),
+    misses=(0.5, 0.5),
+    units=("", ""),
+)
+SEE = f"{CORRIDOR} See it again: hqp-rp check worst/infeasible-1.npz, in the report's folder."
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (
+            (Contradiction(("corridor", "joints"), 4, 17, CORRIDOR),),
+            f": corridor against joints. In sample 17: {SEE}",
+        ),
+        (
+            (Contradiction(("corridor",), 2, 3, CORRIDOR), Contradiction(("a", "b"), 1, 5, CORRIDOR)),
+            ": corridor by itself (in 2 of 4 looked at); a against b (in 1 of 4 looked at). In sample 3: "
+            f"{SEE} In 1 of 4 looked at no contradiction is proven.",
+        ),
+        (
+            (),
+            ", as a solver says; in 4 of them looked at no contradiction of the hard rows is proven.",
+        ),
+    ],
+)
+def test_infeasible_samples_are_said_first(test: Any, found: tuple[Contradiction, ...], words: str) -> None:
+    test.summary.samples = 8
+    test.infeasible = Infeasibility(6, 4, found)
+    assert answer(test)[0] == f"75.0 % of the samples are infeasible (6 of 8){words}"
+    assert opening_of_stress(test, ()).numbers[0][0] == "75.0 %"
 
 
 def test_the_sentences_of_a_case(test: Any) -> None:

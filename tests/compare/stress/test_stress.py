@@ -289,6 +289,72 @@ def test_the_report_and_the_replay_of_its_worst_cases(
             assert max(float(distance[1]), 1e-9) == pytest.approx(max(worst.value, 1e-9), rel=0.9)
 
 
+BAD = """
+dt = 0.01
+
+[robot]
+model = "planar4"
+
+[[limit]]
+type = "joint"
+velocity = 1.0
+
+[[limit]]
+type = "half_space"
+name = "corridor"
+frame = "tool"
+normal = [0.0, 1.0, 0.0]
+offset = -1.0
+gain = 20.0
+return_speed = 20.0
+
+[[level]]
+[[level.task]]
+type = "position"
+frame = "tool"
+axes = "xy"
+"""
+
+
+def test_infeasible_samples_are_said_with_their_limits_and_kept(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    pathlib.Path("bad.toml").write_text(BAD)
+    solvers = ["--solver", "hierarchical_active_set", "--solver", "daqp"]
+    asked = [
+        "stress",
+        "--stack",
+        "bad.toml",
+        "--samples",
+        "60",
+        "--starts",
+        "2",
+        "--workers",
+        "1",
+        "--output",
+        "report",
+    ]
+    assert main([*asked, *solvers]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    infeasible = hqp_rp.load_problem("report/worst/infeasible-1.npz")
+    rows = pl.read_parquet("report/parts/*.parquet").filter(pl.col("status") == "INFEASIBLE")
+    count = rows["sample"].n_unique()
+    assert 0 < count <= 60
+    words = rf"of the samples are infeasible \({count} of 60\): corridor against joint limits\."
+    assert re.match(rf"- [\d.]+ % {words} In sample", first)
+    report = pathlib.Path("report/report.md").read_text()
+    assert report.index("of the samples are infeasible") < report.index("## The answer")
+    assert "| every one | infeasible: corridor against joint limits |" in report
+    conflict = hqp_rp.solve(infeasible, "hierarchical_active_set").conflict
+    assert conflict is not None
+    assert conflict.remedies == ("corridor", "joint limits")
+    assert str(conflict) in first
+    for command, code in (("replay", 0), ("check", 1)):
+        assert main([command, "report/worst/infeasible-1.npz"]) == code
+        assert f"conflict: {conflict}" in capsys.readouterr().out
+
+
 def test_every_contestant_is_spelled_as_the_command_line_reads_it() -> None:
     for contestant in choose_contestants():
         read = choose_contestants([spelled(contestant.solver)])
