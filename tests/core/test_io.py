@@ -143,7 +143,7 @@ def test_other_numpy_files(tmp_path: pathlib.Path) -> None:
         load_problem(tmp_path / "text.npz")
 
 
-def test_the_names_of_hard_rows_come_back_with_their_units(tmp_path: Path) -> None:
+def test_the_names_of_hard_rows_come_back_with_their_units(tmp_path: pathlib.Path) -> None:
     names = [("corridor", "z", "m/s"), ("joint limits", "j1", "rad/s"), ("joint limits", "j2", "rad/s")]
     problem = two_sided(0, box=1.0)
     names = [names[i % 3] for i in range(problem.hard_rows)]
