@@ -49,6 +49,16 @@ HQP_INLINE double dot(const double* a, const double* b, int first, W width) {
   return s.sum();
 }
 
+// a . b for n numbers of which only b stands on a boundary of 64 bytes.
+HQP_INLINE double dot_anywhere(const double* a, const double* b, int n) {
+  int j = 0;
+  Lane s = Lane::all(0.0);
+  for (; j + lanes <= n; j += lanes) s = s + Lane::load_anywhere(a + j) * Lane::load(b + j);
+  double total = s.sum();
+  for (; j < n; ++j) total += a[j] * b[j];
+  return total;
+}
+
 // ||a[first:]||^2.
 template <class W>
 HQP_INLINE double square_from(const double* a, int first, W width) {
