@@ -221,9 +221,12 @@ class ActiveSetSearch {
         rows_.turned[row] = levels;
         if (begun < 0) copy(rows_.T[row], rows_.R[row], width_);
       }
-      for (int k = std::max(begun, 0); k < levels; ++k) {
-        reflect_rows_by_all(rows_.T, i, end, done_.below(first_[k]), first_[k + 1] - first_[k], column_[k], width_);
-        for (int row = i; row < end && turns_[k].r; ++row) turns_[k].forward(rows_.T[row], work_);
+      for (int k = std::max(begun, 0); k < levels;) {
+        int last = k;  // levels whose reflectors stand in neighbouring columns are applied together
+        while (last + 1 < levels && !turns_[last].r && column_[last + 1] == column_[last] + first_[last + 1] - first_[last]) ++last;
+        reflect_rows_by_all(rows_.T, i, end, done_.below(first_[k]), first_[last + 1] - first_[k], column_[k], width_);
+        for (int row = i; row < end && turns_[last].r; ++row) turns_[last].forward(rows_.T[row], work_);
+        k = last + 1;
       }
       i = end;
     }

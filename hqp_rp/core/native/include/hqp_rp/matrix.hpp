@@ -49,6 +49,23 @@ HQP_INLINE double dot(const double* a, const double* b, int first, W width) {
   return s.sum();
 }
 
+// out[r] <- row i + r of A . b for eight rows, at most `rows` of which there are: the last stands in for those behind it.
+template <class W>
+HQP_INLINE void eight_dots(Matrix A, int i, int rows, const double* b, double* out, W width) {
+  const double* row[lanes];
+  Lane s[lanes];
+  const Lane first = Lane::load(b);
+  for (int r = 0; r < lanes; ++r) {
+    row[r] = A[i + r < rows ? i + r : rows - 1];
+    s[r] = Lane::load(row[r]) * first;
+  }
+  for (int j = lanes; j < width; j += lanes) {
+    const Lane x = Lane::load(b + j);
+    for (int r = 0; r < lanes; ++r) s[r] = s[r] + Lane::load(row[r] + j) * x;
+  }
+  sums(s, out);
+}
+
 // a . b for n numbers of which only b stands on a boundary of 64 bytes.
 HQP_INLINE double dot_anywhere(const double* a, const double* b, int n) {
   int j = 0;

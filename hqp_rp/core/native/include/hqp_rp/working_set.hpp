@@ -143,18 +143,30 @@ struct WorkingRows {
   bool takes_part(int i, int r0) const { return i >= r0 || state[i] == kept; }
 
   void set_values(const double* point, int r0, int r1) {
-    for (int i = r0; i < r1; ++i) value[i] = dot(R[i], point, 0, width);
+    double dots[lanes];
+    for (int i = r0; i < r1; i += lanes) {
+      eight_dots(R, i, r1, point, dots, width);
+      for (int j = i; j < std::min(i + lanes, r1); ++j) value[j] = dots[j - i];
+    }
   }
   // Values of every kept row and of the rows r0 ... end - 1 after a step `move` of x; how many that are not in the working set are
   // then outside their bounds.
   int try_step(const double* move, int end, int r0) {
     int outside = 0;
-    for (int i = 0; i < end; ++i) {
-      if (!takes_part(i, r0)) continue;
-      change[i] = dot(R[i], move, 0, width);
-      before[i] = value[i];
-      value[i] += change[i];
-      if ((value[i] > up[i] || value[i] < low[i]) && !working[i]) ++outside;
+    double dots[lanes];
+    for (int first = 0; first < end; first += lanes) {
+      const int behind = std::min(first + lanes, end);
+      bool any = behind > r0;
+      for (int i = first; i < behind && !any; ++i) any = state[i] == kept;
+      if (!any) continue;
+      eight_dots(R, first, end, move, dots, width);
+      for (int i = first; i < behind; ++i) {
+        if (!takes_part(i, r0)) continue;
+        change[i] = dots[i - first];
+        before[i] = value[i];
+        value[i] += change[i];
+        if ((value[i] > up[i] || value[i] < low[i]) && !working[i]) ++outside;
+      }
     }
     return outside;
   }
