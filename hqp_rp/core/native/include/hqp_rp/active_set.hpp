@@ -381,7 +381,7 @@ class ActiveSetSearch {
       step_[c0 + i] = s / l[i];
       if (last) gradient_[i] += step_[c0 + i];
     }
-    if (nB && nB > n_ - c0 - nW && n_ - c0 - nW > 1 && !doubtful_) {  // nothing is free behind it: one QR of its rows will do
+    if (nB && nB > n_ - c0 - nW && n_ - c0 - nW > 1 && !unproven_) {  // nothing is free behind it: one QR of its rows will do
       const int d = n_ - c0 - nW;
       for (int i = 0; i < nB; ++i) {
         double s = rows_.bound(counted_[i]) - rows_.value[counted_[i]];
@@ -396,7 +396,7 @@ class ActiveSetSearch {
         turn_back(step_, nW, c0);
         return found;
       }
-      doubtful_ = true;
+      unproven_ = true;
     }
     if (nB) {
       const Factored f = factor_own(r0, r1, top, nB, top + nB, c0 + nW, nW);
@@ -633,7 +633,7 @@ class ActiveSetSearch {
   Searched search_level(int k, int r0, int r1, bool last, int nW, int c0, bool pivoted) {
     const int end = r1;
     const int most = n_ - c0;
-    doubtful_ = false;
+    unproven_ = false;
     int blocks = block_pivots;
     int idle = 0, last_left = -1;
     bool guess = true;
@@ -848,7 +848,7 @@ class ActiveSetSearch {
     s.rank = answer_level(k, r0, r1, settled.held, own, c0 + s.factored, f, s.turn, &pivot);
   }
 
-  bool doubtful_ = false;  // a QR of the level that is searched did not prove its rank
+  bool unproven_ = false;  // a QR of the level that is searched did not prove its rank
 
   const Problem& problem_;
   const Damped damped_;
