@@ -147,9 +147,13 @@ HQP_INLINE void multiply(Matrix C, Matrix A, Matrix B, int rows, int inner, W wi
   }
 }
 
+// Zero times anything finite is zero; times nan or infinity it is nan, which no sum loses.
 HQP_INLINE bool finite(const double* x, int n) {
-  double total = 0.0;
-  for (int j = 0; j < n; ++j) total += 0.0 * x[j];
+  Lane part = Lane::all(0.0);
+  int j = 0;
+  for (; j + lanes <= n; j += lanes) part = part + Lane::load_anywhere(x + j) * Lane::all(0.0);
+  double total = part.sum();
+  for (; j < n; ++j) total += 0.0 * x[j];
   return total == 0.0;
 }
 
