@@ -114,7 +114,7 @@ class ActiveSetSearch {
     }
     Outcome outcome = search_levels(go_on);
     for (int j = 0; j < n_; ++j) x[j] = point_[j];
-    if (outcome == Outcome::solved && !keeps_hard_rows(x)) outcome = Outcome::inaccurate;
+    if (outcome == Outcome::solved && !keeps_hard_rows()) outcome = Outcome::inaccurate;
     const bool infeasible = outcome == Outcome::infeasible;
     for (int i = 0; i < p.hard_rows; ++i) side[i] = infeasible ? rows_.conflict[i] : rows_.side[i];
     for (int k = 0, level = 1; k < p.levels; ++k, ++level) {
@@ -140,19 +140,19 @@ class ActiveSetSearch {
     for (int k = 0; k < problem.levels; ++k) levels += damped.of(k) > 0;
     return levels;
   }
-  // Whether x keeps every hard row as it was given, whatever rounding the search allowed for on its way.
-  bool keeps_hard_rows(const double* x) const {
-    double size = 0.0;
-    for (int j = 0; j < n_; ++j) size += x[j] * x[j];
-    size = std::sqrt(size);
+  // Whether the point keeps every hard row as it was given, whatever rounding the search allowed for on its way.
+  bool keeps_hard_rows() const {
+    const double size = length(point_);
     for (int i = 0; i < problem_.hard_rows; ++i) {
       const double* a = problem_.hard_matrix + static_cast<std::ptrdiff_t>(i) * n_;
-      double value = 0.0, square = 0.0;
-      for (int j = 0; j < n_; ++j) value += a[j] * x[j], square += a[j] * a[j];
+      const double value = dot_anywhere(a, point_, n_);
       const double low = problem_.hard_lower[i], up = problem_.hard_upper[i];
       const double over = std::max(value - up, low - value);
+      if (!(over > 0.0)) continue;
       const double b = value > up ? up : low;
-      if (over > 0.0 && over > tolerance::hard_kept * (std::sqrt(square) * size + std::fabs(b))) return false;
+      double square = 0.0;
+      for (int j = 0; j < n_; ++j) square += a[j] * a[j];
+      if (over > tolerance::hard_kept * (std::sqrt(square) * size + std::fabs(b))) return false;
     }
     return true;
   }
@@ -221,9 +221,12 @@ class ActiveSetSearch {
         rows_.turned[row] = levels;
         if (begun < 0) copy(rows_.T[row], rows_.R[row], width_);
       }
-      for (int k = std::max(begun, 0); k < levels; ++k) {
-        reflect_rows_by_all(rows_.T, i, end, done_.below(first_[k]), first_[k + 1] - first_[k], column_[k], width_);
-        for (int row = i; row < end && turns_[k].r; ++row) turns_[k].forward(rows_.T[row], work_);
+      for (int k = std::max(begun, 0); k < levels;) {
+        int last = k;  // levels whose reflectors stand in neighbouring columns are applied together
+        while (last + 1 < levels && !turns_[last].r && column_[last + 1] == column_[last] + first_[last + 1] - first_[last]) ++last;
+        reflect_rows_by_all(rows_.T, i, end, done_.below(first_[k]), first_[last + 1] - first_[k], column_[k], width_);
+        for (int row = i; row < end && turns_[last].r; ++row) turns_[last].forward(rows_.T[row], work_);
+        k = last + 1;
       }
       i = end;
     }
@@ -377,6 +380,23 @@ class ActiveSetSearch {
       for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
       step_[c0 + i] = s / l[i];
       if (last) gradient_[i] += step_[c0 + i];
+    }
+    if (nB && nB > n_ - c0 - nW && n_ - c0 - nW > 1 && !unproven_) {  // nothing is free behind it: one QR of its rows will do
+      const int d = n_ - c0 - nW;
+      for (int i = 0; i < nB; ++i) {
+        double s = rows_.bound(counted_[i]) - rows_.value[counted_[i]];
+        found.sought = std::max(found.sought, std::fabs(s));
+        for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
+        target_[i] = s;
+      }
+      const Factored f = tall_level(matrix_, top, nB, c0 + nW, d, rows_.level_norm(r0, r1), tol_, target_, step_ + c0 + nW, workspace_);
+      if (f.proven) {
+        found.rank = d;
+        found.pivot = f.smallest;
+        turn_back(step_, nW, c0);
+        return found;
+      }
+      unproven_ = true;
     }
     if (nB) {
       const Factored f = factor_own(r0, r1, top, nB, top + nB, c0 + nW, nW);
@@ -613,6 +633,7 @@ class ActiveSetSearch {
   Searched search_level(int k, int r0, int r1, bool last, int nW, int c0, bool pivoted) {
     const int end = r1;
     const int most = n_ - c0;
+    unproven_ = false;
     int blocks = block_pivots;
     int idle = 0, last_left = -1;
     bool guess = true;
@@ -826,6 +847,8 @@ class ActiveSetSearch {
     double pivot = 0.0;
     s.rank = answer_level(k, r0, r1, settled.held, own, c0 + s.factored, f, s.turn, &pivot);
   }
+
+  bool unproven_ = false;  // a QR of the level that is searched did not prove its rank
 
   const Problem& problem_;
   const Damped damped_;
