@@ -35,6 +35,13 @@ constexpr double reached = 1e-12;
 // An answer that passes a hard row by more than this part of ||a_i|| ||x|| + |bound| is not called solved.
 constexpr double hard_kept = 1e-10;
 
+// Rows of a level whose lengths are further apart than this: what a long one misses by can balance what a short one misses by, although
+// it is less than the rounding error of the long row's value.
+constexpr double uneven = 100.0;
+
+// Rows at their bound that could hide this part of a level's pull behind their rounding error are not all counted.
+constexpr double hidden_pull = 1e-6;
+
 // A step shorter than this part of ||x|| is rounding error.
 constexpr double step_rounding = 4.0 * eps;
 
