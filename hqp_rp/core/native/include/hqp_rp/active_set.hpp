@@ -82,7 +82,7 @@ class ActiveSetSearch {
     multiplier_ = workspace.numbers(size);
     gradient_ = workspace.numbers(size);
     work_ = workspace.numbers(size + n_);
-    missed_ = workspace.numbers(2 * static_cast<std::size_t>(M)), hidden_ = missed_ + M;
+    missed_ = workspace.numbers(3 * static_cast<std::size_t>(M)), hidden_ = missed_ + M, cosine_ = hidden_ + M;
     lengths_ = workspace.numbers(2 * static_cast<std::size_t>(size) + n_);
     point_ = workspace.numbers(width_);
     step_ = workspace.numbers(width_);
@@ -299,7 +299,8 @@ class ActiveSetSearch {
   }
   // The same for a level of rows of very different length, whose rank is proven, and what its counted rows then miss by: the part of
   // `target` in the orthogonal complement of the factor, which is accurate in each row's own length (Cox and Higham 1998) where the
-  // difference of value and bound is not. missed, hidden (by row) <- that and the cosine with which rounding reaches the row.
+  // difference of value and bound is not. By row: missed <- that, cosine <- how much of the row is in that complement, hidden <- what
+  // rounding of the factor may add.
   void answer_uneven(int top, int count, int c, int r) {
     Workspace::Scope scope(workspace_);
     int* order = workspace_.counts(count);
@@ -323,13 +324,27 @@ class ActiveSetSearch {
     }
     for (int j = 0; j < steps; ++j) right[j] = 0.0;
     for (int j = steps - 1; j >= 0; --j) reflect(right, V[j], j, T.stride);
-    for (int q = 0; q < count; ++q) missed_[row_of(order[q])] = -right[q], hidden_[row_of(order[q])] = 0.0;
-    for (int l = steps; l < count; ++l) {
-      for (int q = 0; q < T.stride; ++q) unit[q] = q == l ? 1.0 : 0.0;
-      for (int j = steps - 1; j >= 0; --j) reflect(unit, V[j], j, T.stride);
-      for (int q = 0; q < count; ++q) hidden_[row_of(order[q])] += unit[q] * unit[q];
+    double pulls = 0.0;
+    for (int q = 0; q < count; ++q) {
+      const int row = row_of(order[q]);
+      missed_[row] = -right[q];
+      pulls += std::fabs(right[q]) * rows_.norm[row];
     }
-    for (int i = 0; i < count; ++i) hidden_[counted_[i]] = std::sqrt(hidden_[counted_[i]]);
+    // Q^T e_q: behind the triangle how the row reaches the complement; before it, over the triangle, column q of the pseudo-inverse.
+    for (int q = 0; q < count; ++q) {
+      for (int l = 0; l < T.stride; ++l) unit[l] = l == q ? 1.0 : 0.0;
+      for (int j = 0; j < steps; ++j) reflect(unit, V[j], j, T.stride);
+      double cosine = 0.0, inverse = 0.0;
+      for (int l = steps; l < count; ++l) cosine += unit[l] * unit[l];
+      for (int j = steps - 1; j >= 0; --j) {
+        for (int i = j + 1; i < steps; ++i) unit[j] -= T[i][j] * unit[i];
+        unit[j] /= T[j][j];
+        inverse += unit[j] * unit[j];
+      }
+      const int row = row_of(order[q]);
+      cosine_[row] = std::sqrt(cosine);
+      hidden_[row] = tolerance::row_rounding * std::sqrt(inverse) * pulls;
+    }
     precise_ = true;
   }
   // hidden (by row) <- what rounding may add to what a counted row misses by, at an x of this size.
@@ -337,12 +352,12 @@ class ActiveSetSearch {
     double total = 0.0;
     for (int i = 0; i < count; ++i) {
       const int row = counted_[i];
-      total += hidden_[row] * tolerance::row_rounding * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
+      total += cosine_[row] * tolerance::row_rounding * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
     }
     pull_ = hidden_pull_ = 0.0;
     for (int i = 0; i < count; ++i) {
       const int row = counted_[i];
-      hidden_[row] *= total;
+      hidden_[row] += cosine_[row] * total;
       pull_ = std::max(pull_, std::fabs(missed_[row]) * rows_.norm[row]);
       hidden_pull_ += hidden_[row] * rows_.norm[row];
     }
@@ -956,7 +971,8 @@ class ActiveSetSearch {
   double* target_;
   double* multiplier_;
   double* gradient_;
-  double *missed_, *hidden_;         // of each counted row of an uneven level, what it misses by, and what of that may be rounding error
+  // Of each counted row of an uneven level: what it misses by, what of that may be rounding error, see `answer_uneven`.
+  double *missed_, *hidden_, *cosine_;
   double pull_ = 0.0, hidden_pull_ = 0.0;  // the most that a counted row pulls, and what of multipliers may be rounding error
   bool precise_ = false;             // whether these are those of the last step
   double *work_, *lengths_;
