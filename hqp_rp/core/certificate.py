@@ -25,10 +25,10 @@ from hqp_rp.core.diagnostics import (
 from hqp_rp.core.level_damping import damped_level
 from hqp_rp.core.metric import symmetric_root, with_inverse
 from hqp_rp.core.nearest_point import nearest_point
-from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.removable import Removable, removable, removable_in_part, smaller_parts
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, NEAR_ZERO, NEARLY_FREE, REACHED, SHORT_NORMAL, STEP_COST
+from hqp_rp.core.tolerances import CERTIFIED, NEAR_ZERO, NEARLY_FREE, REACHED, UNEVEN
 
 TOLERANCE = CERTIFIED
 """Default of `certify`: what a relative excess may be; also how near to its bound a row counts as active."""
@@ -231,16 +231,30 @@ class _Judge:
         rows = _Rows(level, self)
         residual = norm(rows.violation)
         scale = rows.size * self.size + norm(rows.target)
-        pulling = rows.equality | (rows.violation != 0.0)
-        excess, turned, multipliers = _removable(
-            rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, self.rank_tolerance, self.drift
-        )
-        uncertainty = turned + 4 * _EPS * (len(self.x) + level.m) * scale + rows.size * self.rounding
+        cut = self.rank_tolerance * rows.size
+        parts = smaller_parts(rows.lengths, rows.reach)
+        if parts:
+            found = self._worst_part(rows, parts)
+            scale, size = found.scale, found.size
+        else:
+            pulling = rows.equality | (rows.violation != 0.0)
+            found = removable(rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, cut, self.drift)
+            size = rows.size
+        excess, multipliers = found.excess, found.positive
+        uncertainty = found.uncertainty + 4 * _EPS * (len(self.x) + level.m) * scale + size * self.rounding
         self._bind(rows, rows.equality | rows.violated, level)
         residual, excess, scale, uncertainty = (
             times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)
         )
         return LevelCertificate(level.name, residual, excess, scale, uncertainty, multipliers)
+
+    def _worst_part(self, rows: _Rows, parts: list[NDArray[np.bool_]]) -> Removable:
+        """Of the level and its parts, the one of which the largest share could be removed."""
+        found = [
+            removable_in_part(rows, part, self.Z, self.H, self.size, self.rank_tolerance, self.drift)
+            for part in (np.ones_like(rows.equality), *parts)
+        ]
+        return max(found, key=lambda one: (one.excess - one.uncertainty) / one.scale if one.excess > 0.0 else 0.0)
 
     def deviation(self, goal: FloatArray) -> tuple[float, float, float]:
         """Distance to the nearest allowed point to `goal`: absolute, relative, and the part rounding may contribute."""
@@ -248,7 +262,7 @@ class _Judge:
         if size == 0.0:
             return 0.0, 0.0, 0.0
         gap = self.x - goal
-        excess, turned, _ = _removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)
+        excess, turned = removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)[:2]
         return excess, excess / size, (turned + self.rounding * len(gap)) / size + 8 * _EPS * len(gap)
 
     def _damped(self, level: Level, damped: Level) -> LevelCertificate:
@@ -304,6 +318,12 @@ class _Judge:
             rank = int((sigma > self.rank_tolerance * rows.size).sum())
             if rank:
                 amplified = rows.size / float(sigma[rank - 1])
+                lengths = rows.lengths[fixed]
+                if 0.0 < float(lengths.min()) * UNEVEN < float(lengths.max()):
+                    # Rows of one length have the same null space, and rounding turns it less.
+                    even, turned = np.linalg.svd((held / lengths[:, None]) @ self.Z)[1:]
+                    if int((even > self.rank_tolerance).sum()) == rank and float(even[rank - 1]) * amplified > 1.0:
+                        amplified, Vt = 1.0 / float(even[rank - 1]), turned
                 self.drift = min(1.0, self.drift * (1.0 + amplified) + 8 * _EPS * amplified)
                 self.Z = self.Z @ Vt[rank:].T
         active = rows.active & ~fixed
@@ -326,10 +346,12 @@ class _Rows:
         lengths = np.sqrt(np.einsum("ij,ij->i", self.A, self.A))
         self.reach = lengths * judge.size + np.abs(self.target)
         self.noise = lengths * judge.rounding
+        self.lengths = lengths
         if self.equality.all():
             self.violated = self.active = np.zeros_like(self.equality)
+            self.near, self.normals = np.zeros_like(lengths), np.zeros_like(self.A)
             return
-        near = judge.active_tolerance * self.reach + self.noise
+        self.near = near = judge.active_tolerance * self.reach + self.noise
         above, below = value >= upper - near, value <= lower + near
         self.violated = np.abs(self.violation) > near
         # A band narrower than the tolerance holds its row from both sides.
@@ -341,53 +363,3 @@ class _Rows:
 
 def _chosen(level: Level, rows: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
     return level.A[rows], level.lower[rows], level.upper[rows]
-
-
-def _removable(
-    A: FloatArray, v: FloatArray, Z: FloatArray, H: FloatArray, size: float, rank_tolerance: float, drift: float
-) -> tuple[float, float, int]:
-    """The part of v that moves d = Z z with H d <= 0 remove through A d; its uncertainty; multipliers > 0.
-
-    Without H it is the projection of v onto range(A Z). With H it is the same for the cone, where each move also costs
-    `STEP_COST * size * ||d||`: that keeps the metric finite in directions that A does not see.
-    """
-    if min(A.shape) == 0 or Z.shape[1] == 0 or size == 0.0 or not v.any():
-        return 0.0, 0.0, 0
-    U, sigma, Vt = np.linalg.svd(A @ Z)
-    normals = H @ Z @ Vt.T if len(H) else H
-    noise = drift + 8 * _EPS
-    unclear = normals[:0]
-    if len(H):
-        lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
-        unclear = normals[(lengths <= SHORT_NORMAL) & (lengths > 2.0 * noise)]
-        normals = normals[lengths > SHORT_NORMAL]  # the others are fixed already
-    if not len(normals):
-        rank = int((sigma > rank_tolerance * size).sum())
-        if rank == 0:
-            return 0.0, 0.0, 0
-        excess, unsure = norm(U[:, :rank].T @ v), norm(v) * min(1.0, noise * size / float(sigma[rank - 1]))
-        if len(unclear):
-            unsure += max(0.0, excess - _held(sigma, U, v, unclear, Z.shape[1], size)[0])
-        return excess, unsure, 0
-    excess, pulls, positive = _held(sigma, U, v, normals, Z.shape[1], size)
-    unsure = min(norm(v), pulls * noise / STEP_COST)
-    if len(unclear):
-        unsure += max(0.0, excess - _held(sigma, U, v, np.vstack((normals, unclear)), Z.shape[1], size)[0])
-    return excess, unsure, positive
-
-
-def _held(
-    sigma: FloatArray, U: FloatArray, v: FloatArray, normals: FloatArray, d: int, size: float
-) -> tuple[float, float, int]:
-    """What moves that the normals (h, d) allow remove; what v and the multipliers pull; how many multipliers are positive."""
-    padded = np.zeros(d)
-    padded[: len(sigma)] = sigma
-    metric = 1.0 / np.hypot(padded, STEP_COST * size)
-    slope = np.zeros(d)
-    slope[: len(sigma)] = sigma * (U.T @ v)[: len(sigma)]
-    columns = (normals * metric).T
-    lengths = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    weights, rest = nonnegative_least_squares(columns / lengths, -metric * slope)
-    multipliers = weights / lengths
-    pulls = norm(v) + float(multipliers.sum()) / size
-    return norm(rest), pulls, int((multipliers > MULTIPLIER * multipliers.max()).sum())

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.tolerances import ACTIVE, NEAR_ZERO
+from hqp_rp.core.tolerances import ACTIVE, NEAR_ZERO, PULLS_CANCEL, RANK
 
 ACTIVE_TOLERANCE = ACTIVE
 """A row counts as active at x within this times `||a_i|| ||x|| + |bound_i|` of its bound."""
@@ -206,21 +206,39 @@ def rounding_at_zero(problem: Problem, x: FloatArray) -> float:
     """What rounding may leave of an x (n,) that should be zero, in its unit; 0 where x is not that short.
 
     That is 8 eps times the size that the bounds which determine x ask of it, the largest |bound_i| / ||a_i|| of a row that is
-    an equality, violated or at its bound; x must be shorter than 1e-12 of that size.
+    an equality, violated or at its bound; x must be shorter than 1e-12 of that size. Rows that pull in vain, against rows
+    that are kept, do not determine x.
     """
-    size = 0.0
+    asked = [0.0 if level is None or not level.m else _asked_by(level, x) for level in (problem.hard, *problem.levels)]
     own = norm(x)
-    for level in (problem.hard, *problem.levels):
+    if not own <= NEAR_ZERO * max(asked) or max(asked) == 0.0:
+        return 0.0
+    size, Z = 0.0, None
+    for level, ask in zip((problem.hard, *problem.levels), asked, strict=True):
         if level is None or not level.m:
             continue
+        chosen = (level.lower == level.upper) | (violation(level, x) != 0.0)
+        if not chosen.any():
+            continue
+        A, exponent = normalised(level.A[chosen])
         with np.errstate(all="ignore"):
-            lengths = row_norms(level.A)
-            value = level.A @ x
-            target = np.clip(value, level.lower, level.upper)
-            bound = (level.lower == level.upper) | (target != value)
-            ask = np.abs(target[bound]) / lengths[bound]
-            size = max(size, float(ask[np.isfinite(ask)].max(initial=0.0)))
+            v = np.ldexp(violation(level, x)[chosen], -exponent)
+            pull = v @ A if Z is None else v @ A @ Z
+            if norm(pull) <= PULLS_CANCEL * float(np.abs(v) @ row_norms(A)):
+                size = max(size, ask)
+        Z = remaining(A, Z, RANK)[1]
     return 8.0 * float(np.finfo(np.float64).eps) * size if own <= NEAR_ZERO * size else 0.0
+
+
+def _asked_by(level: Level, x: FloatArray) -> float:
+    """The largest |bound_i| / ||a_i|| of the level's equalities and violated rows."""
+    with np.errstate(all="ignore"):
+        lengths = row_norms(level.A)
+        value = level.A @ x
+        target = np.clip(value, level.lower, level.upper)
+        bound = (level.lower == level.upper) | (target != value)
+        ask = np.abs(target[bound]) / lengths[bound]
+        return float(ask[np.isfinite(ask)].max(initial=0.0))
 
 
 def violation(level: Level, x: FloatArray) -> FloatArray:

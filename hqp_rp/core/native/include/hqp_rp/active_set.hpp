@@ -355,11 +355,13 @@ class ActiveSetSearch {
       total += cosine_[row] * tolerance::row_rounding * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
     }
     pull_ = hidden_pull_ = 0.0;
+    doubtful_ = false;
     for (int i = 0; i < count; ++i) {
       const int row = counted_[i];
       hidden_[row] += cosine_[row] * total;
       pull_ = std::max(pull_, std::fabs(missed_[row]) * rows_.norm[row]);
       hidden_pull_ += hidden_[row] * rows_.norm[row];
+      doubtful_ = doubtful_ || hidden_[row] > tolerance::hidden_row * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
     }
   }
   // What a counted row misses by after the whole step; what rounding can explain is 0.
@@ -385,7 +387,7 @@ class ActiveSetSearch {
     if (row >= 0) {
       rows_.release(row);
       released_[row] = 1;
-    } else if (precise_ && residual > 0.0 && hidden_pull_ > tolerance::hidden_pull * pull_) {
+    } else if (precise_ && residual > 0.0 && (doubtful_ || hidden_pull_ > tolerance::hidden_pull * pull_)) {
       smallest = 0.0;
     }
     return row >= 0;
@@ -974,7 +976,8 @@ class ActiveSetSearch {
   // Of each counted row of an uneven level: what it misses by, what of that may be rounding error, see `answer_uneven`.
   double *missed_, *hidden_, *cosine_;
   double pull_ = 0.0, hidden_pull_ = 0.0;  // the most that a counted row pulls, and what of multipliers may be rounding error
-  bool precise_ = false;             // whether these are those of the last step
+  bool doubtful_ = false;  // whether rounding may move a counted row of that level visibly
+  bool precise_ = false;   // whether these are those of the last step
   double *work_, *lengths_;
   double *point_, *step_, *move_, *next_, *goal_;
 };
