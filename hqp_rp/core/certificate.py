@@ -19,6 +19,7 @@ from hqp_rp.core.diagnostics import (
     remaining,
     require_tolerance,
     rounding_at_zero,
+    row_norms,
     times_power,
     two_norm,
 )
@@ -200,9 +201,9 @@ def certify(
 class _Judge:
     """x, and what the levels judged so far hold fixed (Z) and hold back (H)."""
 
-    def __init__(self, x: FloatArray, active_tolerance: float, rank_tolerance: float, rounding: float) -> None:
+    def __init__(self, x: FloatArray, active_tolerance: float, rank_tolerance: float, rounding: FloatArray) -> None:
         self.x = x
-        self.rounding = rounding  # of x, where it is at zero but for that
+        self.rounding = rounding  # (n, r) of x, where it is at zero but for that
         self.size = norm(x)
         self.active_tolerance = active_tolerance
         self.rank_tolerance = rank_tolerance
@@ -235,13 +236,15 @@ class _Judge:
         parts = smaller_parts(rows.lengths, rows.reach)
         if parts:
             found = self._worst_part(rows, parts)
-            scale, size = found.scale, found.size
+            scale, chosen = found.scale, found.rows
         else:
             pulling = rows.equality | (rows.violation != 0.0)
             found = removable(rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, cut, self.drift)
-            size = rows.size
+            chosen = slice(None)
         excess, multipliers = found.excess, found.positive
-        uncertainty = found.uncertainty + 4 * _EPS * (len(self.x) + level.m) * scale + size * self.rounding
+        uncertainty = (
+            found.uncertainty + 4 * _EPS * (len(self.x) + level.m) * scale + two_norm(rows.A[chosen] @ self.rounding)
+        )
         self._bind(rows, rows.equality | rows.violated, level)
         residual, excess, scale, uncertainty = (
             times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)
@@ -263,7 +266,11 @@ class _Judge:
             return 0.0, 0.0, 0.0
         gap = self.x - goal
         excess, turned = removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)[:2]
-        return excess, excess / size, (turned + self.rounding * len(gap)) / size + 8 * _EPS * len(gap)
+        return (
+            excess,
+            excess / size,
+            (turned + two_norm(self.Z.T @ self.rounding) * len(gap)) / size + 8 * _EPS * len(gap),
+        )
 
     def _damped(self, level: Level, damped: Level) -> LevelCertificate:
         """The damped level where it was solved; the level itself then binds at x."""
@@ -271,8 +278,10 @@ class _Judge:
         # However little damping leaves a row violated, later levels keep it there.
         fixed = rows.equality | (np.abs(rows.violation) > REACHED * rows.reach + rows.noise)
         x = self._solved_at(level, damped, fixed)
-        rounding = 8 * _EPS * self.size if norm(x) <= NEAR_ZERO * self.size else 0.0
-        there = _Judge(x, self.active_tolerance, self.rank_tolerance, max(self.rounding, rounding))
+        rounding = self.rounding
+        if norm(x) <= NEAR_ZERO * self.size:
+            rounding = np.hstack((rounding, 8 * _EPS * self.size * np.eye(len(x))))
+        there = _Judge(x, self.active_tolerance, self.rank_tolerance, rounding)
         there.Z, there.drift = self.Z, self.drift
         for before, chosen in self.kept:
             other = _Rows(Level(*_chosen(before, chosen)), there)
@@ -281,14 +290,14 @@ class _Judge:
         found = there.level(damped)
         before_Z = self.Z
         self._bind(rows, fixed, level)
-        rounding = 4 * _EPS * (len(self.x) + level.m) * rows.size * self.size  # of the violation, which is that at x
-        residual, rounding = (times_power(value, rows.exponent) for value in (norm(rows.violation), rounding))
+        unsure = 4 * _EPS * (len(self.x) + level.m) * rows.size * self.size  # of the violation, which is that at x
+        residual, unsure = (times_power(value, rows.exponent) for value in (norm(rows.violation), unsure))
         # It moves the point where the level was solved along directions that its rows hardly see, and D with it.
         if fixed.any() and before_Z.shape[1]:
             sigma = np.linalg.svd(level.A[fixed] @ before_Z, compute_uv=False)
             least = sigma[sigma > self.rank_tolerance * two_norm(level.A)].min(initial=np.inf)
-            rounding *= 1.0 + two_norm(damped.A[level.m :]) / float(least)
-        return dataclasses.replace(found, residual=residual, uncertainty=found.uncertainty + rounding)
+            unsure *= 1.0 + two_norm(damped.A[level.m :]) / float(least)
+        return dataclasses.replace(found, residual=residual, uncertainty=found.uncertainty + unsure)
 
     def _solved_at(self, level: Level, damped: Level, fixed: NDArray[np.bool_]) -> FloatArray:
         """Of the points that all levels so far allow, this one's fixed rows where they are at x, the one of least ||D x||."""
@@ -345,7 +354,7 @@ class _Rows:
         self.equality = lower == upper
         lengths = np.sqrt(np.einsum("ij,ij->i", self.A, self.A))
         self.reach = lengths * judge.size + np.abs(self.target)
-        self.noise = lengths * judge.rounding
+        self.noise = row_norms(self.A @ judge.rounding)
         self.lengths = lengths
         if self.equality.all():
             self.violated = self.active = np.zeros_like(self.equality)

@@ -202,32 +202,37 @@ def remaining(A: FloatArray, Z: FloatArray | None, rank_tolerance: float) -> tup
     return rank, Vt[rank:].T if Z is None else Z @ Vt[rank:].T
 
 
-def rounding_at_zero(problem: Problem, x: FloatArray) -> float:
-    """What rounding may leave of an x (n,) that should be zero, in its unit; 0 where x is not that short.
+def rounding_at_zero(problem: Problem, x: FloatArray) -> FloatArray:
+    """(n, r) what rounding may leave of an x (n,) that should be zero: orthogonal directions, of that length in the unit of x;
+    r = 0 where x is not that short.
 
-    That is 8 eps times the size that the bounds which determine x ask of it, the largest |bound_i| / ||a_i|| of a row that is
-    an equality, violated or at its bound; x must be shorter than 1e-12 of that size. Rows that pull in vain, against rows
-    that are kept, do not determine x.
+    Along the directions that a level determines that is 8 eps times the size that its bounds ask of x, the largest
+    |bound_i| / ||a_i|| of a row that is an equality or violated; x must be shorter than 1e-12 of that size. Rows that pull in
+    vain, against rows that are kept, do not determine x.
     """
-    asked = [0.0 if level is None or not level.m else _asked_by(level, x) for level in (problem.hard, *problem.levels)]
-    own = norm(x)
-    if not own <= NEAR_ZERO * max(asked) or max(asked) == 0.0:
-        return 0.0
-    size, Z = 0.0, None
-    for level, ask in zip((problem.hard, *problem.levels), asked, strict=True):
-        if level is None or not level.m:
-            continue
-        chosen = (level.lower == level.upper) | (violation(level, x) != 0.0)
-        if not chosen.any():
+    levels = [level for level in (problem.hard, *problem.levels) if level is not None and level.m]
+    asked = [_asked_by(level, x) for level in levels]
+    own, largest = norm(x), max(asked, default=0.0)
+    found = np.zeros((problem.n, 0))
+    if largest == 0.0 or not own <= NEAR_ZERO * largest:
+        return found
+    Z = np.eye(problem.n)
+    for level, ask in zip(levels, asked, strict=True):
+        error = violation(level, x)
+        chosen = (level.lower == level.upper) | (error != 0.0)
+        if not chosen.any() or not Z.shape[1]:
             continue
         A, exponent = normalised(level.A[chosen])
+        v = np.ldexp(error[chosen], -exponent)
+        B = A @ Z
         with np.errstate(all="ignore"):
-            v = np.ldexp(violation(level, x)[chosen], -exponent)
-            pull = v @ A if Z is None else v @ A @ Z
-            if norm(pull) <= PULLS_CANCEL * float(np.abs(v) @ row_norms(A)):
-                size = max(size, ask)
-        Z = remaining(A, Z, RANK)[1]
-    return 8.0 * float(np.finfo(np.float64).eps) * size if own <= NEAR_ZERO * size else 0.0
+            cancel = norm(v @ B) <= PULLS_CANCEL * float(np.abs(v) @ row_norms(A))
+        _, sigma, Vt = np.linalg.svd(B)
+        rank = int((sigma > RANK * two_norm(A)).sum())
+        if cancel and own <= NEAR_ZERO * ask:
+            found = np.hstack((found, 8.0 * float(np.finfo(np.float64).eps) * ask * (Z @ Vt[:rank].T)))
+        Z = Z @ Vt[rank:].T
+    return found
 
 
 def _asked_by(level: Level, x: FloatArray) -> float:

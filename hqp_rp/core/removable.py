@@ -19,13 +19,13 @@ _EPS = float(np.finfo(np.float64).eps)
 class Removable(NamedTuple):
     """The removable part of a residual, what rounding may contribute to it, and the multipliers (h,) of the normals.
 
-    size: of the rows it is a part of; scale: `size ||x||` and their targets' length, where it is one of some rows.
+    rows: those it is a part of, where they are not all; scale: then their `||A|| ||x||` plus the length of their targets.
     """
 
     excess: float
     uncertainty: float
     multipliers: FloatArray
-    size: float = 0.0
+    rows: NDArray[np.bool_] | slice = slice(None)
     scale: float = 0.0
 
     @property
@@ -169,7 +169,7 @@ def removable_in_part(
         found = removable(rows.A[pulls], v[pulls], Z, np.vstack((H, rows.normals[own])), size, cut, drift)
         over = own[found.multipliers[len(H) :] > rows.near[own] * rows.lengths[own]]
         if not len(over):
-            return found._replace(multipliers=found.multipliers[: len(H)], size=size, scale=scale)
+            return found._replace(multipliers=found.multipliers[: len(H)], rows=part, scale=scale)
         bounded[over] = False
         pulls[over] = True
         v[over] = rows.near[over] * np.sign(np.einsum("ij,ij->i", rows.normals[over], rows.A[over]))

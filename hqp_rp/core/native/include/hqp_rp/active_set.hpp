@@ -456,6 +456,7 @@ class ActiveSetSearch {
   struct Minimized {
     int reflectors = 0, rank = 0;
     double sought = 0.0, pivot = infinite;
+    bool to_bounds = false;  // held rows are not at their bounds yet
   };
   // step <- the way to the minimizer over the working set, from the factored held rows; factors the counted ones (at `top`).
   //
@@ -476,6 +477,7 @@ class ActiveSetSearch {
     for (int i = 0; i < nW; ++i) {  // held rows go (back) to their bounds
       const int row = held_[static_cast<int>(origin_[i])];
       double s = -rows_.residual(row, size) / rows_.norm[row];
+      found.to_bounds = found.to_bounds || s != 0.0;
       const double* l = matrix_[i] + c0;
       for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
       step_[c0 + i] = s / l[i];
@@ -746,7 +748,7 @@ class ActiveSetSearch {
       double size = begun + m.sought;  // the rounding error of what the step is after counts like that of x
       from_free(k);
       const double span = length(step_);
-      const bool moves = span > tolerance::step_rounding * size;
+      const bool moves = m.to_bounds || span > tolerance::step_rounding * size;
       if (moves)
         rows_.try_step(move_, end, r0);
       else
