@@ -24,6 +24,13 @@
 #include "hqp_rp/least_squares.hpp"
 #include "hqp_rp/working_set_guess.hpp"
 
+// What few problems need stays out of the way of the others.
+#if defined(_MSC_VER) && !defined(__clang__)
+#define HQP_APART __declspec(noinline)
+#else
+#define HQP_APART __attribute__((noinline))
+#endif
+
 namespace hqp {
 inline namespace HQP_ISA {
 
@@ -301,7 +308,7 @@ class ActiveSetSearch {
   // `target` in the orthogonal complement of the factor, which is accurate in each row's own length (Cox and Higham 1998) where the
   // difference of value and bound is not. By row: missed <- that, cosine <- how much of the row is in that complement, hidden <- what
   // rounding of the factor may add.
-  void answer_uneven(int top, int count, int c, int r) {
+  HQP_APART void answer_uneven(int top, int count, int c, int r) {
     Workspace::Scope scope(workspace_);
     int* order = workspace_.counts(count);
     const auto row_of = [&](int i) { return counted_[static_cast<int>(origin_[top + i]) - top]; };
@@ -348,7 +355,7 @@ class ActiveSetSearch {
     precise_ = true;
   }
   // hidden (by row) <- what rounding may add to what a counted row misses by, at an x of this size.
-  void bound_hidden(int count, double size) {
+  HQP_APART void bound_hidden(int count, double size) {
     double total = 0.0;
     for (int i = 0; i < count; ++i) {
       const int row = counted_[i];
@@ -371,8 +378,7 @@ class ActiveSetSearch {
   }
   // A row of the level at its bound that rounding keeps from telling whether it holds others back there, because others beside it are at
   // their bounds too; -1 for none. Without it they tell.
-  int hidden_row(int count, double residual) const {
-    if (!precise_ || residual == 0.0) return -1;
+  int hidden_row(int count) const {
     for (int i = 0; i < count; ++i) {
       const int row = counted_[i];
       if (!rows_.equality(row) && !released_[row] && std::fabs(missed_[row]) <= hidden_[row] &&
@@ -382,12 +388,13 @@ class ActiveSetSearch {
     return -1;
   }
   // Releases such a row, once in a level; where none is left to release and what is hidden still weighs, the answer is to be verified.
-  bool release_hidden(int count, double residual) {
-    const int row = hidden_row(count, residual);
+  bool release_hidden(int count, double residual) { return precise_ && residual > 0.0 && release_one(count); }
+  HQP_APART bool release_one(int count) {
+    const int row = hidden_row(count);
     if (row >= 0) {
       rows_.release(row);
       released_[row] = 1;
-    } else if (precise_ && residual > 0.0 && (doubtful_ || hidden_pull_ > tolerance::hidden_pull * pull_)) {
+    } else if (doubtful_ || hidden_pull_ > tolerance::hidden_pull * pull_) {
       smallest = 0.0;
     }
     return row >= 0;

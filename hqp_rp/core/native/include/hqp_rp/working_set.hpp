@@ -60,7 +60,7 @@ struct WorkingRows {
       load_row(row, matrix + static_cast<std::ptrdiff_t>(i) * n, n, rows_left - i, width);
       norm[r0 + i] = square_from(row, 0, width);
       longest = longest > norm[r0 + i] ? longest : norm[r0 + i];
-      shortest = norm[r0 + i] > 0.0 && norm[r0 + i] < shortest ? norm[r0 + i] : shortest;
+      shortest = shortest < norm[r0 + i] ? shortest : norm[r0 + i];
       sound = sound && norm[r0 + i] < 1e240;
     }
     double scale = 1.0;
@@ -81,8 +81,12 @@ struct WorkingRows {
         for (int j = 0; j < width; ++j) R[r0 + i][j] = j < n ? matrix[static_cast<std::ptrdiff_t>(i) * n + j] * scale : 0.0;
         norm[r0 + i] = square_from(R[r0 + i], 0, width);
         longest = longest > norm[r0 + i] ? longest : norm[r0 + i];
-        shortest = norm[r0 + i] > 0.0 && norm[r0 + i] < shortest ? norm[r0 + i] : shortest;
+        shortest = shortest < norm[r0 + i] ? shortest : norm[r0 + i];
       }
+    }
+    if (shortest == 0.0) {  // rows of zeros do not count
+      shortest = infinite;
+      for (int i = r0; i < r0 + m; ++i) shortest = norm[i] > 0.0 && norm[i] < shortest ? norm[i] : shortest;
     }
     uneven = longest > tolerance::uneven * tolerance::uneven * shortest;
     if (longest > 0.0) {
