@@ -48,7 +48,8 @@ class LevelCertificate:
         name: the level's name.
         residual: ||v||_2 of the violation v at x, in the unit of the rows.
         excess: the part of it that could be removed without spoiling an earlier level, in the same unit (see `certify`).
-        scale: ||A_k||_2 ||x|| + ||b_k||, where b_k is the point of [lower, upper] nearest to A_k x.
+        scale: ||A_k||_2 ||x|| + ||b_k||, where b_k is the point of [lower, upper] nearest to A_k x; where a part of the
+            level is judged worse than the whole (see `certify`), that of its rows, and `excess` and `uncertainty` are its own.
         uncertainty: what rounding may contribute to `excess`, same unit; grows with the condition of the levels so far.
         multipliers: number of inequality rows of earlier levels, or hard rows, that hold this level back at x.
     """
@@ -133,6 +134,11 @@ def certify(
     times ||x|| + ||secondary||. Directions that the rank rule cuts count as free. Where x is at zero but for the rounding error
     of the bounds that determine it (shorter than 1e-12 of them), that rounding error counts as such for rows and for x itself.
     A normal so short in the free directions (1e-9) that it may hold or not is counted as either.
+
+    A level whose rows differ in length by more than a factor 100 is judged in parts too: for its rows no longer than a tenth, a
+    hundredth, ... of the longest, the same by moves that leave its other rows where they are, in the size of the part; and so
+    are rows of which `||a_i|| ||x|| + |b_i|` differs by more than 1e6, by that size. An own inequality row at its bound then
+    pulls back by no more than the violation that the tolerance hides there.
 
     A level with damping is judged as the level that it is, `[A_k; D_k]` (see `hqp_rp.core.level_damping`), at the point where
     it was solved: of all points that earlier levels and hard rows allow and at which its rows have the violation that they
