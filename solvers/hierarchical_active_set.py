@@ -33,10 +33,12 @@ class HierarchicalActiveSet(Solver):
     takes over: the step goes as far as the first row allows, one row leaves at a time, and after a step of length zero has
     repeated Bland's rule chooses, so that it cannot cycle. Whichever way, the same conditions of optimality end the search,
     from a fresh factorization. Rows that a finished level determines leave for good; satisfied rows are kept as rows.
-    A level whose rows that count can all be met is met by one factorization, without multipliers. A level with damping
-    (`hqp_rp.core.level_damping`) is searched with its damping rows, then its own rows keep what they reached. Near a
-    singularity, where multipliers close to rounding error decide, and where hard rows contradict each other by next to
-    nothing, the answer is verified before it is called solved; where that fails it is `INACCURATE`.
+    A level whose rows that count can all be met is met by one factorization, without multipliers. What rows of very different
+    length in one level miss by is taken from the orthogonal complement of their factor, accurate in each row's own length.
+    A level with damping (`hqp_rp.core.level_damping`) is searched with its damping rows, then its own rows keep what they
+    reached. Near a singularity, where multipliers close to rounding error decide, where long rows drown short ones in theirs,
+    and where hard rows contradict each other by next to nothing, the answer is verified before it is called solved; where
+    that fails it is `INACCURATE`.
 
     Args:
         rank_tolerance: the library's rank rule, in [0, 1).
@@ -50,7 +52,8 @@ class HierarchicalActiveSet(Solver):
 
     One object may be shared between threads; copies and pickles of it start without a warm start.
 
-    Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. Goldfarb and Idnani 1983 for the guess.
+    Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. Goldfarb and Idnani 1983 for the guess; Cox
+    and Higham 1998 for rows of different length.
     The level-by-level search with fresh factorizations, guess and block pivots is ours.
     """
 

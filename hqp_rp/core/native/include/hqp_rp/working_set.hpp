@@ -39,6 +39,7 @@ struct WorkingRows {
   int* conflict;   // 1 for a hard row of a contradiction
   int* turned;     // by how many finished levels row i of T is turned, -1 when it has not been needed
   int* side;       // the bound at which a row is active: -1 lower, +1 upper (an equality has both), 0 none
+  bool uneven = false;  // whether the rows that were loaded last are of very different length
 
   WorkingRows(int M_, int n_, W width_, Workspace& workspace) : width(width_), M(M_), n(n_) {
     R = make_matrix(workspace, M, n);
@@ -52,12 +53,13 @@ struct WorkingRows {
   // Rows r0 ... of a level from m rows (of `rows_left` that may be read), their bounds and guesses (null for none); false when a number
   // is not finite.
   bool load(int r0, int m, const double* matrix, int rows_left, const double* lower, const double* upper, const int* guesses) {
-    double longest = 0.0;
+    double longest = 0.0, shortest = infinite;
     bool sound = true;
     for (int i = 0; i < m; ++i) {
       const double square = square_anywhere(matrix + static_cast<std::ptrdiff_t>(i) * n, n, rows_left - i);
       norm[r0 + i] = square;
       longest = longest > square ? longest : square;
+      shortest = shortest < square ? shortest : square;
       sound = sound && square < 1e240;
     }
     double scale = 1.0;
@@ -74,13 +76,19 @@ struct WorkingRows {
         std::frexp(largest, &exponent);
         scale = std::ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
       }
-      longest = 0.0;
+      longest = 0.0, shortest = infinite;
       for (int i = 0; i < m; ++i) {
         for (int j = 0; j < width; ++j) R[r0 + i][j] = j < n ? matrix[static_cast<std::ptrdiff_t>(i) * n + j] * scale : 0.0;
         norm[r0 + i] = square_from(R[r0 + i], 0, width);
         longest = longest > norm[r0 + i] ? longest : norm[r0 + i];
+        shortest = shortest < norm[r0 + i] ? shortest : norm[r0 + i];
       }
     }
+    if (shortest == 0.0) {  // rows of zeros do not count
+      shortest = infinite;
+      for (int i = r0; i < r0 + m; ++i) shortest = norm[i] > 0.0 && norm[i] < shortest ? norm[i] : shortest;
+    }
+    uneven = longest > tolerance::uneven * tolerance::uneven * shortest;
     if (usual) {
       const double more = scale = inverse_power_of_two(std::sqrt(longest));
       for (int i = 0; i < m; ++i) {
