@@ -251,6 +251,8 @@ class _Judge:
         uncertainty = (
             found.uncertainty + 4 * _EPS * (len(self.x) + level.m) * scale + two_norm(rows.A[chosen] @ self.rounding)
         )
+        if parts:  # what rows of zeros ask for is in no part
+            uncertainty += 8 * _EPS * norm(rows.target[rows.lengths == 0.0])
         self._bind(rows, rows.equality | rows.violated, level)
         residual, excess, scale, uncertainty = (
             times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)

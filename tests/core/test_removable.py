@@ -69,6 +69,12 @@ def test_rounding_at_zero_is_along_what_the_far_rows_determine() -> None:
     assert rounding_at_zero(held, np.array([1.0, 0.0])).shape == (2, 0)
 
 
+def test_a_row_of_zeros_leaves_its_rounding_in_x() -> None:
+    level = Level.equality([[0.0, 0.0], [-1.0, -1.0], [1.0, -2.0], [0.0, 1.0]], [2.0, 0.0, 0.0, 0.0])
+    assert certify(Problem([level]), [9e-17, 1.9e-16]).ok
+    assert not certify(Problem([level]), [1e-6, 0.0]).ok
+
+
 def test_parts_of_a_level() -> None:
     lengths = np.array([1e4, 2e3, 5.0, 0.0, 2.0])
     parts = smaller_parts(lengths, lengths)
