@@ -317,6 +317,17 @@ def test_levels_that_contradict_each_other_by_little_hold_no_row_by_rounding(by:
     assert solved >= 0.5 * len(seeds)
 
 
+@pytest.mark.parametrize(("seed", "by"), [(135, -1e-8), (3962, 1e-6)])
+def test_multipliers_of_very_different_size_are_certified(seed: int, by: float) -> None:
+    """The smallest multiplier is 1e-9 of the largest, and right."""
+    problem, free = nearly_degenerate(seed, by)
+    right = truth(problem, free)
+    assert certify(problem, right.x, free).ok
+    solution = solve(problem, NAME, secondary=free)
+    assert solution.status is Status.SOLVED
+    assert error(solution.x, right.x) < 1e-12
+
+
 @pytest.mark.parametrize("target", [1e6, 1e8, 1e10, 1e12])
 def test_a_target_far_beyond_reach_explains_no_violation_of_another_row(target: float) -> None:
     limits = Level([[1.0, 0.0], [1.0, 0.0]], -np.inf, [1.00005, 1.0])
