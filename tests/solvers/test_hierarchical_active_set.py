@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, load_problem, solve, truth
 from hqp_rp.compare.bench.families import family
-from hqp_rp.core.diagnostics import violation
 from tests import reference
+from tests.fuzz_uneven import row_errors
 from tests.problems import (
     EQUALITY_CASES,
     boxed,
@@ -355,17 +355,6 @@ def test_a_long_row_at_its_bound_does_not_hide_a_short_one_of_its_level(ratio: f
         limited = solve(Problem([Level([[1.0, 0.0]], -np.inf, 0.8), level]), NAME)
         assert limited.status is Status.SOLVED
         assert limited.x == pytest.approx([0.8, 0.0], abs=1e-12)
-
-
-def row_errors(problem: Problem, x: np.ndarray, y: np.ndarray) -> float:
-    """How far the violations at x and y are apart at most, as a part of ||a_i|| ||y|| + |bound_i|."""
-    worst = 0.0
-    for level in problem.levels:
-        apart = np.abs(violation(level, x) - violation(level, y))
-        near = np.clip(level.A @ y, level.lower, level.upper)
-        size = np.linalg.norm(level.A, axis=1) * np.linalg.norm(y) + np.abs(near)
-        worst = max(worst, float((apart / np.maximum(size, 1e-300)).max()))
-    return worst
 
 
 @settings(max_examples=150, deadline=None)
