@@ -251,6 +251,8 @@ class _Judge:
         uncertainty = (
             found.uncertainty + 4 * _EPS * (len(self.x) + level.m) * scale + two_norm(rows.A[chosen] @ self.rounding)
         )
+        if parts:
+            uncertainty += two_norm(rows.A[chosen]) * rows.asked_rounding()
         self._bind(rows, rows.equality | rows.violated, level)
         residual, excess, scale, uncertainty = (
             times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)
@@ -374,6 +376,11 @@ class _Rows:
         self.active = (above | below) & (lengths > 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             self.normals = np.where(above, 1.0, -1.0)[:, None] * self.A / lengths[:, None]
+
+    def asked_rounding(self) -> float:
+        """What rounding of the largest target of the rows, as a length of x, may add to x where the level is solved."""
+        lengths = np.where(self.lengths > 0.0, self.lengths, self.size)
+        return 8 * _EPS * float((np.abs(self.target) / lengths).max()) if self.size > 0.0 else 0.0
 
 
 def _chosen(level: Level, rows: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:

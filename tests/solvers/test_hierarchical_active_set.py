@@ -9,9 +9,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, load_problem, solve, truth
-from hqp_rp.core.diagnostics import violation
 from tests import reference
 from tests.bench.families import family
+from tests.fuzz_uneven import row_errors
 from tests.problems import (
     EQUALITY_CASES,
     boxed,
@@ -317,6 +317,17 @@ def test_levels_that_contradict_each_other_by_little_hold_no_row_by_rounding(by:
     assert solved >= 0.5 * len(seeds)
 
 
+@pytest.mark.parametrize(("seed", "by"), [(135, -1e-8), (3962, 1e-6)])
+def test_multipliers_of_very_different_size_are_certified(seed: int, by: float) -> None:
+    """The smallest multiplier is 1e-9 of the largest, and right."""
+    problem, free = nearly_degenerate(seed, by)
+    right = truth(problem, free)
+    assert certify(problem, right.x, free).ok
+    solution = solve(problem, NAME, secondary=free)
+    assert solution.status is Status.SOLVED
+    assert error(solution.x, right.x) < 1e-12
+
+
 @pytest.mark.parametrize("target", [1e6, 1e8, 1e10, 1e12])
 def test_a_target_far_beyond_reach_explains_no_violation_of_another_row(target: float) -> None:
     limits = Level([[1.0, 0.0], [1.0, 0.0]], -np.inf, [1.00005, 1.0])
@@ -344,17 +355,6 @@ def test_a_long_row_at_its_bound_does_not_hide_a_short_one_of_its_level(ratio: f
         limited = solve(Problem([Level([[1.0, 0.0]], -np.inf, 0.8), level]), NAME)
         assert limited.status is Status.SOLVED
         assert limited.x == pytest.approx([0.8, 0.0], abs=1e-12)
-
-
-def row_errors(problem: Problem, x: np.ndarray, y: np.ndarray) -> float:
-    """How far the violations at x and y are apart at most, as a part of ||a_i|| ||y|| + |bound_i|."""
-    worst = 0.0
-    for level in problem.levels:
-        apart = np.abs(violation(level, x) - violation(level, y))
-        near = np.clip(level.A @ y, level.lower, level.upper)
-        size = np.linalg.norm(level.A, axis=1) * np.linalg.norm(y) + np.abs(near)
-        worst = max(worst, float((apart / np.maximum(size, 1e-300)).max()))
-    return worst
 
 
 @settings(max_examples=150, deadline=None)
