@@ -194,8 +194,8 @@ class Scene:
             held = speed < LITTLE * np.minimum(self.robot.velocity_limit, 1.0)
             if held.any():
                 return (
-                    f"Every sample is at rest, and {limit.name!r} lets joints come to {float(speed[held].max()):g} rad/s or m/s "
-                    f"at most within dt = {self.dt:g} s: most answers are at these bounds, and say little of the solvers. "
+                    f"Every sample is at rest, and {limit.name!r} lets joints come to {float(speed[held].max()):g} rad/s or "
+                    f"m/s at most within dt = {self.dt:g} s: most answers are at these bounds, and say little of the solvers. "
                     "Give a greater dt, or leave acceleration and jerk out of the stack for this test."
                 )
         return ""
