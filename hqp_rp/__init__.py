@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from hqp_rp.control.catalogue import Catalogue, find_singularities
     from hqp_rp.control.center_of_mass_task import CenterOfMassTask
     from hqp_rp.control.collision_limit import CollisionLimit
+    from hqp_rp.control.command import Command, Mode
     from hqp_rp.control.cone_limit import ConeLimit
     from hqp_rp.control.contact import Contact
     from hqp_rp.control.contact_force_task import ContactForceTask
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
     from hqp_rp.control.twist_task import TwistTask
     from hqp_rp.core.batch import BatchSolution, solve_batch
     from hqp_rp.core.certificate import Certificate, certify
+    from hqp_rp.core.conflict import Conflict
     from hqp_rp.core.derivative import NotDifferentiableError, ProblemGradient, SolutionDerivative, jvp, vjp
     from hqp_rp.core.diagnostics import LevelReport, Singularity, diagnose
     from hqp_rp.core.distance import Distance, distance
@@ -85,7 +87,9 @@ __all__ = [
     "CenterOfMassTask",
     "Certificate",
     "CollisionLimit",
+    "Command",
     "ConeLimit",
+    "Conflict",
     "ConstantDamping",
     "Contact",
     "ContactForceTask",
@@ -106,6 +110,7 @@ __all__ = [
     "LookAtTask",
     "ManipulabilityDamping",
     "MissingExtraError",
+    "Mode",
     "MotionRunner",
     "NoDamping",
     "NoSolutionError",
@@ -173,6 +178,8 @@ _LAZY = {
     "find_singularities": "control.catalogue",
     "CenterOfMassTask": "control.center_of_mass_task",
     "CollisionLimit": "control.collision_limit",
+    "Command": "control.command",
+    "Mode": "control.command",
     "ConeLimit": "control.cone_limit",
     "FrameSpeedLimit": "control.frame_speed_limit",
     "HalfSpaceLimit": "control.half_space_limit",
@@ -199,6 +206,7 @@ _LAZY = {
     "solve_batch": "core.batch",
     "Certificate": "core.certificate",
     "certify": "core.certificate",
+    "Conflict": "core.conflict",
     "Distance": "core.distance",
     "distance": "core.distance",
     "NotDifferentiableError": "core.derivative",

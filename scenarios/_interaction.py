@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import ClassVar, Self
@@ -30,7 +31,7 @@ from hqp_rp.robot.arms import sawyer
 from hqp_rp.robot.dh import DHArm
 from hqp_rp.robot.robot import Robot
 from hqp_rp.scenarios._contact import ContactArm, Surface, Touch
-from hqp_rp.scenarios.scenario import Scenario, Step
+from hqp_rp.scenarios.scenario import Scenario, Step, refused_step
 
 PAPER, DAMPED = "paper's numbers", "well damped"
 REGULAR, SINGULAR = "regular", "near singular"
@@ -312,6 +313,10 @@ class Interaction(Scenario):
             yield from self._run_torques(case, contact, solver, seed, experiment, sensor)
             return
         shortened_into = () if self.hard_limits else (VelocityLimit(),)
+        refusal = self._refusal(case, contact, solver, experiment, experiment.stack)
+        if refusal is not None:
+            yield refusal
+            return
         controller = InteractionController(experiment.stack, sensor, solver, scale_into=shortened_into)
         controller.start(robot, data.qvel)
         rng = np.random.default_rng((seed, 2))
@@ -333,6 +338,18 @@ class Interaction(Scenario):
             measured["measured speed [rad/s]"] = norm(data.qvel)
             measured["shortened to"] = command.scale
             yield Step(case.name, t, command.problem, command.solution, command.solve_time, measured)
+
+    def _refusal(
+        self, case: Case, contact: ContactArm, solver: Solver, experiment: Experiment, stack: Stack | TorqueStack
+    ) -> Step | None:
+        """The only step of a case whose solver refuses the stack; None where it takes it."""
+        robot, v = contact.robot, np.array(contact.robot.data.qvel)
+        robot.update(contact.robot.data.qpos)
+        experiment.update(0.0)
+        for item in itertools.chain(*experiment.stack.levels):
+            if isinstance(item, Reference):
+                item.start(robot, v)
+        return refused_step(solver, stack.problem(robot, self.period, v, np.zeros(robot.nv)), case.name)
 
     def _reading(self, contact: ContactArm, t: float, rng: np.random.Generator | None) -> FloatArray:
         """(6,) what the sensor says at t; somebody's push begins."""
@@ -358,6 +375,10 @@ class Interaction(Scenario):
         levels = [list(level) for level in experiment.stack.levels]
         references = [item for level in levels for item in level if isinstance(item, Reference)]
         stack = TorqueStack(levels, metric=None if self.metric == "none" else self.metric)
+        refusal = self._refusal(case, contact, solver, experiment, stack)
+        if refusal is not None:
+            yield refusal
+            return
         controller = TorqueController(stack, solver)
         rng = np.random.default_rng((seed, 2))
         energy = dict.fromkeys(experiment.desired(0.0), 0.0)

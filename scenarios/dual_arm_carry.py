@@ -19,12 +19,11 @@ from hqp_rp.control.posture_task import PostureTask
 from hqp_rp.control.torque_controller import TorqueCommand, TorqueController
 from hqp_rp.control.torque_stack import TorqueStack
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.solution import Status
 from hqp_rp.core.solver import Solver
 from hqp_rp.robot.arms import sawyer
 from hqp_rp.robot.dual_arm import SIDES, dual_arm_spec
 from hqp_rp.scenarios._crossing import turned_about
-from hqp_rp.scenarios.scenario import Scenario, Step
+from hqp_rp.scenarios.scenario import Scenario, Step, refused_step
 
 if TYPE_CHECKING:
     from hqp_rp.robot.mujoco_robot import MujocoRobot
@@ -198,6 +197,11 @@ class DualArmCarry(Scenario):
 
         run = _Run(self, seed)
         robot, model, data = run.robot, run.robot.model, run.robot.data
+        run.refer(0.0)
+        refusal = refused_step(solver, run.stack.problem(robot, self.period, np.zeros(robot.nv)))
+        if refusal is not None:
+            yield refusal
+            return
         controller = TorqueController(run.stack, solver)
         solver.reset()
         box = model.body("box").id
@@ -207,9 +211,6 @@ class DualArmCarry(Scenario):
             run.refer(t)
             command = controller.step(robot, self.period, np.array(data.qvel))
             if command.problem is None or command.solution is None:
-                return
-            if command.solution.status is Status.REFUSED:
-                yield Step("", t, command.problem, command.solution, command.solve_time)
                 return
             data.qfrc_applied[:] = 0.0
             data.qfrc_applied[:14] = command.torque

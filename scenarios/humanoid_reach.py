@@ -14,7 +14,7 @@ from hqp_rp.control.pose_task import PoseTask
 from hqp_rp.control.position_task import PositionTask
 from hqp_rp.control.posture_task import PostureTask
 from hqp_rp.control.stack import Stack
-from hqp_rp.core.errors import MissingExtraError
+from hqp_rp.core.extras import require
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios._limited import IDEAL_ROBOT, Limited, Scene, out_and_back
 
@@ -198,11 +198,7 @@ def jvrc_efforts() -> dict[str, float]:
 
 
 def _urdf() -> str:
-    try:
-        import jvrc_description
-    except ImportError:
-        raise MissingExtraError(
-            "humanoid_reach needs the robot JVRC-1, which is not installed: pip install 'hqp-rp[humanoid]' (or "
-            "pip install jvrc-description)."
-        ) from None
+    require("The robot JVRC-1 of humanoid_reach", "jvrc_description")
+    import jvrc_description
+
     return str(jvrc_description.urdf_path)

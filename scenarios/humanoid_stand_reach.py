@@ -24,10 +24,9 @@ from hqp_rp.control.torque_stack import TorqueStack
 from hqp_rp.core.damping import ErrorDamping
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
-from hqp_rp.core.solution import Status
 from hqp_rp.core.solver import Solver
 from hqp_rp.scenarios.humanoid_reach import in_stance, jvrc_efforts, jvrc_spec
-from hqp_rp.scenarios.scenario import Scenario, Step
+from hqp_rp.scenarios.scenario import Scenario, Step, refused_step
 
 if TYPE_CHECKING:
     from hqp_rp.robot.mujoco_robot import MujocoRobot
@@ -188,6 +187,11 @@ class HumanoidStandReach(Scenario):
 
         run = _Run(self, self.robot(), seed)
         robot, model, data = run.robot, run.robot.model, run.robot.data
+        run.refer(0.0)
+        refusal = refused_step(solver, run.stack.problem(robot, self.period, np.zeros(robot.nv)))
+        if refusal is not None:
+            yield refusal
+            return
         controller = TorqueController(run.stack, solver)
         solver.reset()
         pelvis = model.body("PELVIS_S").id
@@ -197,9 +201,6 @@ class HumanoidStandReach(Scenario):
             run.refer(t)
             command = controller.step(robot, self.period, np.array(data.qvel))
             if command.problem is None or command.solution is None:
-                return
-            if command.solution.status is Status.REFUSED:
-                yield Step("", t, command.problem, command.solution, command.solve_time)
                 return
             data.qfrc_applied[:] = 0.0
             data.qfrc_applied[6:] = command.torque

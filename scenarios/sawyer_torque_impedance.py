@@ -76,6 +76,9 @@ class SawyerTorqueImpedance(SawyerPushResponse):
         half, least, work = 0.5 * self.periods() * self.period, np.inf, 0.0
         robot, data = contact.robot, contact.robot.data
         for step in Interaction.run_case(self, case, contact, solver, seed):
+            if not step.measured:  # the solver refuses: nothing has moved
+                yield step
+                return
             twist = robot.jacobian("tool") @ data.qvel
             deviation: FloatArray = np.array([step.measured[f"deviation {axis}"] for axis in TWIST_AXES])
             energy = law.energy(deviation, twist)

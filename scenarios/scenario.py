@@ -16,7 +16,7 @@ from hqp_rp.core.errors import SettingError, unknown_name, unknown_setting
 from hqp_rp.core.extras import require
 from hqp_rp.core.plugins import plugins
 from hqp_rp.core.problem import FloatArray, Problem
-from hqp_rp.core.solution import Solution
+from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 
 
@@ -89,6 +89,14 @@ def timed_solve(solver: Solver, problem: Problem, secondary: FloatArray | None =
     start = time.perf_counter()
     solution = solver.solve(problem, secondary)
     return solution, time.perf_counter() - start
+
+
+def refused_step(solver: Solver, problem: Problem, case: str = "", parameter: float = 0.0) -> Step | None:
+    """The only step of a run whose solver refuses its first problem; None where it takes it. Controllers would raise."""
+    sentence = solver.refuses(problem)
+    if sentence is None:
+        return None
+    return Step(case, parameter, problem, Solution(problem, None, Status.REFUSED, message=sentence), 0.0)
 
 
 @functools.cache

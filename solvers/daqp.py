@@ -188,7 +188,7 @@ class Daqp(Solver):
     def _verified(self, problem: Problem, x: FloatArray, secondary: FloatArray | None, iterations: int) -> Solution:
         fault = fault_of(problem, x, secondary, self.accept)
         if fault and problem.hard is not None and breaks_hard_rows(problem, x, self.accept):
-            conflict = contradiction(problem.hard, x)
+            conflict = contradiction(problem, x)
             status = Status.INFEASIBLE if conflict else Status.INACCURATE
             return Solution(problem, None, status, iterations, conflict or fault, secondary)
         solution = Solution(problem, x, Status.INACCURATE if fault else Status.SOLVED, iterations, fault, secondary)
@@ -208,7 +208,7 @@ class Daqp(Solver):
             iterations += more
             if again in _ANSWERED and np.isfinite(x).all():
                 return self._verified(problem, x, secondary, iterations)
-            if conflict := contradiction(problem.hard, zeros(problem.n)):
+            if conflict := contradiction(problem, zeros(problem.n)):
                 return Solution(problem, None, Status.INFEASIBLE, iterations, conflict, secondary)
         message = f"DAQP ended without an answer (exit flag {flag}: {_SAYS.get(flag, 'see its documentation')})."
         return Solution(problem, None, Status.INACCURATE, iterations, message, secondary)

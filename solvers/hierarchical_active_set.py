@@ -12,8 +12,9 @@ from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.row_names import hard_rows_in_words
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary, require_rank_tolerance
 from hqp_rp.core.variant import QP, LineUp, Variant
 from hqp_rp.core.verify import fault_of
 
@@ -75,8 +76,7 @@ class HierarchicalActiveSet(Solver):
     )
 
     def __post_init__(self) -> None:
-        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
-            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        require_rank_tolerance(self.rank_tolerance)
         limit = self.max_iterations
         if limit is not None and (not isinstance(limit, int) or isinstance(limit, bool) or limit < 1):
             raise SettingError(f"max_iterations is {limit!r}; it must be None or an integer of at least 1.")
@@ -121,8 +121,7 @@ class HierarchicalActiveSet(Solver):
             solution.held = side
             return solution
         if status is Status.INFEASIBLE:
-            names = ", ".join(str(i) for i in np.flatnonzero(side))
-            message = f"Hard rows {names} contradict each other: no x meets them all."
+            message = f"{hard_rows_in_words(problem, np.flatnonzero(side))} contradict each other: no x meets them all."
             least = x if self.least_violation else None
             return Solution(problem, least, status, iterations, message, secondary)
         if status is Status.ITERATION_LIMIT:

@@ -12,8 +12,9 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_damping import solve_with_damped_targets
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.row_names import hard_rows_in_words
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary, require_rank_tolerance
 from hqp_rp.core.tolerances import SATURATED
 from hqp_rp.core.variant import WITHIN, LineUp, Variant
 
@@ -113,8 +114,7 @@ class SaturationNullSpace(Solver):
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:
             raise SettingError(f"variant is {self.variant!r}; choose one of {', '.join(VARIANTS)}.")
-        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
-            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        require_rank_tolerance(self.rank_tolerance)
 
     def is_lexicographic(self, problem: Problem) -> bool:
         """True for equality levels without hard rows, where it is the null-space cascade."""
@@ -125,9 +125,10 @@ class SaturationNullSpace(Solver):
         if problem.hard is not None:
             wide = np.flatnonzero(np.count_nonzero(problem.hard.A, axis=1) > 1)
             if wide.size:
+                named = hard_rows_in_words(problem, wide[:1])
                 return (
-                    f"saturation_null_space takes hard bounds on single unknowns only; hard row {wide[0]} has several "
-                    "non-zero entries. Use a solver that takes general rows, such as qp_cascade."
+                    f"saturation_null_space takes hard bounds on single unknowns only; h{named[1:]} has several "
+                    "non-zero entries. Use a solver that takes general rows, such as hierarchical_active_set."
                 )
             if problem.metric is not None and problem.hard.m and np.count_nonzero(problem.metric) > problem.n:
                 return (
@@ -154,9 +155,9 @@ class SaturationNullSpace(Solver):
             first, second = found
             if first == -1:
                 return Solution(problem, None, Status.REFUSED, message=self.refuses(problem) or "")
-            message = f"Hard rows {first}, {second} contradict each other: no x meets both."
+            message = f"{hard_rows_in_words(problem, (first, second))} contradict each other: no x meets both."
             if second < 0:
-                message = f"Hard row {first} is a row of zeros that no x meets."
+                message = f"{hard_rows_in_words(problem, (first,))} is a row of zeros that no x meets."
             return Solution(problem, None, Status.INFEASIBLE, 0, message, secondary)
         x, scales, finite, tried, unfinished, missed = found
         if not finite:

@@ -13,6 +13,7 @@ from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.qp_backend import check_backend, check_positive
 from hqp_rp.core.qp_workspace import Workspace
+from hqp_rp.core.row_names import take_row_names
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 from hqp_rp.core.tolerances import SOLVED, TALL_RANK
@@ -114,6 +115,7 @@ class Weighted(Solver):
         hard = 0 if problem.hard is None else problem.hard.m
         offsets = np.array([0, len(A)], dtype=np.int64)
         as_one = Problem.from_stacked(A, lower, upper, offsets, names=[SUM], hard=problem.hard, check=False)
+        take_row_names(problem, as_one)
         found = self._workspace.stages(as_one).solve(as_one, secondary, backend, self.tolerance, polish=True)
         solution = Solution(problem, found.x, found.status, found.iterations, found.message, secondary)
         if isinstance(found.held, np.ndarray):

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+
+from hqp_rp.core.extras import PACKAGES
 
 ROOT = Path(__file__).parents[1]
+QP = "qpsolvers, proxsuite and osqp", "qpsolvers proxsuite osqp"
+REPORT = (
+    "jinja2, joblib, matplotlib, plotly, polars, rich, tyro, cloudpickle, scipy, mujoco, qpsolvers and flint",
+    "jinja2 joblib matplotlib plotly polars rich tyro cloudpickle scipy mujoco qpsolvers python-flint",
+)
 
 REFUSE = '''
 import importlib.machinery, sys
@@ -64,37 +73,57 @@ for name in hqp_rp.control.__all__:
 
 
 @pytest.mark.parametrize(
-    ("code", "what", "module", "extra"),
+    ("code", "what", "modules", "packages", "extra"),
     [
-        ("hqp_rp.solve(p, 'qp_cascade')", "A QP back end", "qpsolvers", "qp"),
-        ("hqp_rp.get_solver('weighted')", "A QP back end", "qpsolvers", "qp"),
-        ("hqp_rp.solve(p, 'daqp')", "The solver daqp", "daqp", "qp"),
-        ("hqp_rp.truth(p)", "hqp_rp.truth", "flint", "truth"),
-        ("from hqp_rp.robot import MujocoRobot", "hqp_rp.robot.MujocoRobot", "mujoco", "mujoco"),
-        ("from hqp_rp.robot import PinocchioRobot", "hqp_rp.robot.PinocchioRobot", "pinocchio", "pinocchio"),
-        ("from hqp_rp import load_robot", "hqp_rp.load_robot", "mujoco", "mujoco"),
-        ("hqp_rp.stress", "hqp_rp.stress", "jinja2", "report"),
-        ("import hqp_rp.core.torch_layer", "hqp_rp.core.torch_layer", "torch", "torch"),
-        ("import hqp_rp.core.jax_layer", "hqp_rp.core.jax_layer", "jax", "jax"),
-        ("hqp_rp.solve(p, 'null_space').plot()", "Solution.plot", "matplotlib", "report"),
-        ("from hqp_rp.robot import load_robot", "hqp_rp.robot.load_robot", "mujoco", "mujoco"),
+        ("hqp_rp.solve(p, 'qp_cascade')", "A QP back end", *QP, "qp"),
+        ("hqp_rp.get_solver('weighted')", "A QP back end", *QP, "qp"),
+        ("hqp_rp.solve(p, 'daqp')", "The solver daqp", "daqp", "daqp", "qp"),
+        ("hqp_rp.truth(p)", "hqp_rp.truth", "flint", "python-flint", "truth"),
+        ("from hqp_rp.robot import MujocoRobot", "hqp_rp.robot.MujocoRobot", "mujoco", "mujoco", "mujoco"),
+        ("from hqp_rp.robot import PinocchioRobot", "hqp_rp.robot.PinocchioRobot", "pinocchio", "pin", "pinocchio"),
+        ("from hqp_rp import load_robot", "hqp_rp.load_robot", "mujoco", "mujoco", "mujoco"),
+        ("hqp_rp.stress", "hqp_rp.stress", *REPORT, "report"),
+        ("import hqp_rp.core.torch_layer", "hqp_rp.core.torch_layer", "torch", "torch", "torch"),
+        ("import hqp_rp.core.jax_layer", "hqp_rp.core.jax_layer", "jax", "jax", "jax"),
+        ("hqp_rp.solve(p, 'null_space').plot()", "Solution.plot", "matplotlib", "matplotlib", "report"),
+        ("from hqp_rp.robot import load_robot", "hqp_rp.robot.load_robot", "mujoco", "mujoco", "mujoco"),
         (
             "from hqp_rp.scenarios.scenario import all_scenarios; all_scenarios()",
             "The scenarios",
             "mujoco",
             "mujoco",
+            "mujoco",
         ),
     ],
 )
-def test_what_is_missing_is_said_with_the_line_that_installs_it(code: str, what: str, module: str, extra: str) -> None:
+def test_what_is_missing_is_said_with_the_line_that_installs_it(
+    code: str, what: str, modules: str, packages: str, extra: str
+) -> None:
     start = "import hqp_rp, numpy as np\np = hqp_rp.Problem([hqp_rp.Level.equality(np.eye(2), [1.0, 2.0])])\n"
     done = run(f"{start}try:\n    {code}\nexcept hqp_rp.MissingExtraError as error:\n    print(error)\n")
     assert done.returncode == 0, done.stderr
-    assert done.stdout == f'{what} needs {module}, which is not installed: pip install "hqp-rp[{extra}]"\n'
+    assert done.stdout == f"{sentence(what, modules, packages, extra)}\n"
 
 
 def test_the_command_line_says_what_it_lacks() -> None:
     done = run("from hqp_rp.script import main\nsys.exit(main())\n")
     assert done.returncode == 2
-    told = 'hqp-rp: The command line hqp-rp needs jinja2, which is not installed: pip install "hqp-rp[report]"\n'
-    assert done.stderr == told
+    assert done.stderr == f"hqp-rp: {sentence('The command line hqp-rp', *REPORT, 'report')}\n"
+
+
+def sentence(what: str, modules: str, packages: str, extra: str) -> str:
+    verb = "are" if " and " in modules else "is"
+    return (
+        f"{what} needs {modules}, which {verb} not installed: pip install {packages}, or install hqp-rp with its extra "
+        f'"{extra}"'
+    )
+
+
+def test_the_packages_that_messages_name_are_those_of_the_extras() -> None:
+    stated = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    for extra, packages in PACKAGES.items():
+        required = [Requirement(text) for text in stated[extra]]
+        names = {name for package in required for name in (package.name, *package.extras)}
+        assert set(packages.values()) <= names, extra
+        own = {package.name for package in required} - {"hqp-rp", "mujoco", "scipy"}
+        assert own <= set(packages.values()), f"{extra}: a package that no message knows"

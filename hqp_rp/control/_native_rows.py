@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
@@ -143,6 +143,8 @@ class NativeLimit(NativeRows):
     """A limit on every velocity: a box."""
 
     __slots__ = ()
+
+    row_unit: ClassVar[str] = "rad/s or m/s"
 
     @property
     def native(self) -> NativeRows | None:

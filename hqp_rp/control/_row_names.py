@@ -26,3 +26,9 @@ def velocity_names(robot: Robot) -> list[str]:
     return [
         name if width == 1 else f"{name}[{i}]" for name, width in zip(names, widths, strict=True) for i in range(width)
     ]
+
+
+def per_second(unit: str) -> str:
+    """The unit over s: "rad/s or m/s" becomes "rad/s^2 or m/s^2"."""
+    parts = unit.split(" or ") if unit else []
+    return " or ".join(f"{part}^2" if part.endswith("/s") else f"{part}/s" for part in parts)

@@ -44,6 +44,11 @@ class MetricOnRobot:
             if weights is not None and not np.isfinite(weights).all():
                 raise SettingError(f"metric is {metric!r}; every weight must be finite and > 0.")
 
+    @property
+    def kind(self) -> str | None:
+        """ "full" for a matrix that couples velocities, "diagonal", or None where the plain norm is meant."""
+        return None if self.stated is None else "full" if isinstance(self.stated, str) else "diagonal"
+
     def on(self, robot: Robot) -> FloatArray | None:
         """W, or None where the plain norm is meant."""
         if self.stated is None:

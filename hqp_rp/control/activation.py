@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import ProblemError
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.row_names import take_row_names
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver, checked_secondary, get_solver
 
@@ -124,7 +125,7 @@ def _without(problem: Problem, present: np.ndarray[tuple[int], np.dtype[np.bool_
     lower = np.ascontiguousarray(problem.lower[present])
     upper = lower if problem.is_equality else np.ascontiguousarray(problem.upper[present])
     matrix = np.ascontiguousarray(problem.matrix[present])
-    return Problem.from_stacked(
+    part = Problem.from_stacked(
         matrix,
         lower,
         upper,
@@ -132,5 +133,8 @@ def _without(problem: Problem, present: np.ndarray[tuple[int], np.dtype[np.bool_
         names=problem.names,
         hard=problem.hard,
         damping=problem.damping,
+        metric=problem.metric,
         check=False,
     )
+    take_row_names(problem, part)
+    return part

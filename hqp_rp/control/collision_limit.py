@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -69,6 +70,8 @@ class CollisionLimit:
     """
 
     __slots__ = ("_approach", "_bound", "_detection", "_distances", "_margin", "_name", "_pairs")
+
+    row_unit: ClassVar[str] = "m/s"
 
     def __init__(
         self,

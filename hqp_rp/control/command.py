@@ -45,6 +45,8 @@ class Command:
 def fault_of(solution: Solution, accepted: Container[Status], nv: int) -> str:
     """Why the answer may not be sent to a robot with nv velocities, as a sentence; empty where it may."""
     x = solution.x
+    if solution.status is Status.REFUSED:
+        return f"The solver refuses this problem: {solution.message or solution.status.value}"
     if x is None or solution.status not in accepted:
         return f"The solver failed: {solution.status.value} {solution.message}".rstrip()
     if x.shape != (nv,):

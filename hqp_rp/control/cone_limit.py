@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +50,8 @@ class ConeLimit:
     """
 
     __slots__ = ("_angle", "_approach", "_axis", "_direction", "_frame", "_name")
+
+    row_unit: ClassVar[str] = "rad/s"
 
     def __init__(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,6 +46,8 @@ class FrameSpeedLimit:
     """
 
     __slots__ = ("_angular", "_expressed_in", "_frame", "_linear", "_name", "_point")
+
+    row_unit: ClassVar[str] = "m/s or rad/s"
 
     def __init__(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -51,6 +52,8 @@ class HalfSpaceLimit:
     """
 
     __slots__ = ("_approach", "_frame", "_margin", "_name", "_normal", "_offset", "_point")
+
+    row_unit: ClassVar[str] = "m/s"
 
     def __init__(
         self,

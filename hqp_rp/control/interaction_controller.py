@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
+from hqp_rp.control._refusal import require_not_refused, require_taken
 from hqp_rp.control._stack_rows import LIMIT, StackRows
 from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.command import Command, Mode, fault_of
@@ -60,7 +61,8 @@ class InteractionController:
         scale_into: see above.
 
     Raises:
-        SettingError: no reference in the stack, or a value out of its range.
+        SettingError: no reference in the stack, a value out of its range, or a solver that refuses the stack's problems, in its
+            own words.
         UnknownNameError: no solver of that name.
     """
 
@@ -108,6 +110,7 @@ class InteractionController:
         self._stack = stack
         self._sensor = sensor
         self._solver = get_solver(solver)
+        require_taken(self._solver, stack)
         self._references = tuple(items.values())
         self._stop_time = positive_number(stop_time, "stop_time")
         self._accepted = (Status.SOLVED, Status.INACCURATE) if accept_inaccurate else (Status.SOLVED,)
@@ -175,7 +178,7 @@ class InteractionController:
 
         Raises:
             HqpError: misuse: values of a wrong shape or type; before the first good command, anything that fails but
-                sensor, motion and solver.
+                sensor, motion and solver, and a solver that refuses the problem.
         """
         dt = positive_number(dt, "dt")
         if self._robot is None:
@@ -202,6 +205,8 @@ class InteractionController:
         begin = time.perf_counter()
         solution = self._solver.solve(problem, free)
         seconds = time.perf_counter() - begin
+        if not self._running_since_start:
+            require_not_refused(solution, self._stack)
         reason = fault_of(solution, self._accepted, robot.nv)
         x = solution.x
         if reason or x is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class JointCoupling:
     """
 
     __slots__ = ("_bound", "_couplings", "_gain", "_name", "_resolved")
+
+    row_unit: ClassVar[str] = "rad/s or m/s"
 
     def __init__(
         self,

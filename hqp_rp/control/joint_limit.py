@@ -7,13 +7,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import positive_number, real_array
+from hqp_rp.control._checks import driven_indices, positive_number, real_array
 from hqp_rp.control._coordinates import coordinate_index
 from hqp_rp.control._native_rows import Layout, NativeLimit
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.row_kinds import BOX
 from hqp_rp.robot.robot import Robot
 
@@ -67,7 +67,8 @@ class JointLimit(NativeLimit):
 
     Args:
         position: whether the robot's position limits count; where infinite, there is none.
-        velocity: V, rad/s or m/s: as `limit` of `VelocityLimit`; None takes the robot's own.
+        velocity: V, rad/s or m/s: as `limit` of `VelocityLimit`; None takes the robot's own; where the model has none (an MJCF
+            says none), a stack warns, unless accelerations or jerks are limited or a `VelocityLimit` stands beside it.
         acceleration: A, rad/s^2 or m/s^2: one number, (nv,) numbers, a mapping from joint name to number (none for the
             others), or None for no limit. Needs the velocity before the step: `stack.problem(robot, dt, v)`.
         jerk: J, rad/s^3 or m/s^3, as `acceleration`, with it or without. Needs the acceleration before the step as well, u'':
@@ -121,6 +122,38 @@ class JointLimit(NativeLimit):
         if self._jerk is None:
             return None
         return per_joint(self._jerk, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
+
+    def speed_from_rest(self, robot: Robot, dt: float) -> FloatArray:
+        """(nv,) the greatest speed after one step of dt from rest, rad/s or m/s: min(A dt, J dt^2), infinite without both."""
+        acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
+        jerk = self.jerk_on(robot)
+        speed: FloatArray = acceleration * dt if jerk is None else np.minimum(acceleration * dt, jerk * dt**2)
+        return speed
+
+    def unlimited_speeds(self, robot: Robot) -> list[str]:
+        """The hinges and slides whose speed nothing bounds: no velocity, acceleration or jerk given, none in the model."""
+        if not (self._velocity is None and self._acceleration is None and self._jerk is None):
+            return []
+        widths = np.array(getattr(robot, "joint_widths", (1,) * len(robot.joint_names)), dtype=np.int64)
+        single = np.repeat(widths == 1, widths)
+        if len(single) != robot.nv:
+            return []
+        driven = np.isin(np.arange(robot.nv), driven_indices(robot))
+        names = velocity_names(robot)
+        return [names[i] for i in np.flatnonzero(single & driven & np.isinf(robot.velocity_limit))]
+
+    @property
+    def stops_at_once(self) -> bool:
+        """Whether a joint may be asked to stop, or to come back, within one step: position limits, no acceleration, no jerk."""
+        return self._position and self._acceleration is None and self._jerk is None
+
+    def stopped_at_once(self, robot: Robot) -> IntArray:
+        """Velocity indices that have position limits, and neither acceleration nor jerk bounded."""
+        if not self._position or self._jerk is not None:
+            return np.zeros(0, dtype=np.int64)
+        acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
+        limited = np.isfinite(robot.lower) | np.isfinite(robot.upper)
+        return np.flatnonzero(limited & np.isinf(acceleration))
 
     def row_names(self, robot: Robot) -> list[str]:
         """The joints, one for each velocity."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,6 +28,8 @@ class LockedJoints:
     """
 
     __slots__ = ("_all_but", "_bound", "_joints", "_locked", "_name")
+
+    row_unit: ClassVar[str] = "rad/s or m/s"
 
     def __init__(
         self,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import finite_vector, positive_number, real_array
+from hqp_rp.control._refusal import require_not_refused, require_taken
 from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.command import Command, Mode, fault_of
 from hqp_rp.control.joint_limit import JointLimit
@@ -50,7 +51,7 @@ class MotionRunner:
 
     `Stack.problem` is told the last command as the velocity before, or the measured one, and the change between the last two
     commands as the acceleration, so that limits on accelerations and jerks hold across steps. What fails before the first good
-    answer, but for a solver's status, is raised.
+    answer, but for a solver's status other than REFUSED, is raised.
 
     Args:
         stack: any stack. solver: a `Solver`, or its name.
@@ -58,7 +59,8 @@ class MotionRunner:
         accept_inaccurate: whether an answer of status INACCURATE is used.
 
     Raises:
-        SettingError: a value out of its range. UnknownNameError: no solver of that name.
+        SettingError: a value out of its range; a solver that refuses the stack's problems (hard limits, damped levels, a
+            metric, ...), in its own words. UnknownNameError: no solver of that name.
     """
 
     __slots__ = (
@@ -87,6 +89,7 @@ class MotionRunner:
                 f"acceleration is {acceleration!r}; it must be > 0 and finite, one number or one a velocity."
             )
         self._stack, self._solver = stack, get_solver(solver)
+        require_taken(self._solver, stack)
         self._limits = [limit for limit in stack.limits if isinstance(limit, JointLimit)]
         self._accepted = (Status.SOLVED, Status.INACCURATE) if accept_inaccurate else (Status.SOLVED,)
         self._sent: FloatArray | None = None
@@ -137,14 +140,7 @@ class MotionRunner:
             HqpError: misuse, before the first good answer; a dt that is not > 0 always.
         """
         dt = positive_number(dt, "dt")
-        before = np.zeros(robot.nv) if self._sent is None else self._sent
-        if self._acceleration.ndim and len(self._acceleration) != robot.nv:
-            raise SettingError(f"acceleration has {len(self._acceleration)} numbers; the robot has nv = {robot.nv}.")
-        if len(before) != robot.nv:
-            raise SettingError(f"the velocity before has {len(before)} numbers; the robot has nv = {robot.nv}.")
-        rate = np.zeros(robot.nv) if self._rate is None else self._rate
-        if len(rate) != robot.nv:
-            raise SettingError(f"the acceleration before has {len(rate)} numbers; the robot has nv = {robot.nv}.")
+        before, rate = self._motion_before(robot)
         if self._mode is Mode.STOPPED:
             return self._brake(robot, before, rate, dt, self._reason, None, None, 0.0)
         problem: Problem | None = None
@@ -155,6 +151,8 @@ class MotionRunner:
             begin = time.perf_counter()
             solution = self._solver.solve(problem)
             seconds = time.perf_counter() - begin
+            if not self._began:
+                require_not_refused(solution, self._stack)
             reason = fault_of(solution, self._accepted, robot.nv)
         except HqpError as error:
             if not self._began:
@@ -174,6 +172,40 @@ class MotionRunner:
         self._rate = (answer - before) / dt
         self._sent, self._mode, self._reason, self._began, self._failures = answer, Mode.RUNNING, "", True, 0
         return Command(answer, Mode.RUNNING, "", problem, solution, 1.0, seconds)
+
+    def hold(self, robot: Robot, dt: float, reason: str = "hold() was called.") -> Command:
+        """Brake during the next dt seconds without asking the solver, as `step` does where no answer comes.
+
+        For whoever knows that no answer may be sent now: a sensor that failed, a person in the way, an emergency stop. Call it
+        at every period for as long as that lasts. `step` goes on from the velocity that is left; once the robot stands, the
+        runner is stopped until `reset`.
+
+        Args:
+            robot: at its current configuration, which position limits are looked at from. dt: > 0, s.
+            reason: a sentence, that the command and the runner then say.
+
+        Raises:
+            SettingError: a dt that is not > 0, a reason that is no words.
+        """
+        dt = positive_number(dt, "dt")
+        if not isinstance(reason, str) or not reason:
+            raise SettingError(f"reason is {reason!r}; give a sentence that says why the robot shall hold.")
+        before, rate = self._motion_before(robot)
+        if self._mode is Mode.STOPPED:
+            reason = self._reason
+        return self._brake(robot, before, rate, dt, reason, None, None, 0.0)
+
+    def _motion_before(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
+        """(nv,) velocity and (nv,) acceleration before this step, seen to fit the robot."""
+        if self._acceleration.ndim and len(self._acceleration) != robot.nv:
+            raise SettingError(f"acceleration has {len(self._acceleration)} numbers; the robot has nv = {robot.nv}.")
+        before = np.zeros(robot.nv) if self._sent is None else self._sent
+        if len(before) != robot.nv:
+            raise SettingError(f"the velocity before has {len(before)} numbers; the robot has nv = {robot.nv}.")
+        rate = np.zeros(robot.nv) if self._rate is None else self._rate
+        if len(rate) != robot.nv:
+            raise SettingError(f"the acceleration before has {len(rate)} numbers; the robot has nv = {robot.nv}.")
+        return before, rate
 
     def _brake(
         self,

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._approach import Approach
-from hqp_rp.control._checks import TWIST_AXES, WORLD, Rows, axis_rows, frame_name, frame_point, pose, real_array
+from hqp_rp.control._checks import (
+    ANGULAR_AXES,
+    TWIST_AXES,
+    WORLD,
+    Rows,
+    axis_rows,
+    frame_name,
+    frame_point,
+    pose,
+    real_array,
+)
 from hqp_rp.control._rotations import point_jacobian, rotation_log, skew
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
+from hqp_rp.robot.angles import warn_of_degrees
 from hqp_rp.robot.robot import Robot
 
 
@@ -44,6 +56,9 @@ class PoseLimit:
     Raises:
         SettingError: a value of the wrong shape, not a number, or out of its range; `relative_to` the frame itself.
 
+    Warns:
+        UserWarning: a bound on a rotation of more than a turn, which looks like degrees.
+
     Source: Faverjon and Tournassoud 1987 (the velocity damper); the derivative of the logarithm: Sola, Deray and Atchuthan
     2018, A micro Lie theory for state estimation in robotics, (146).
     """
@@ -60,6 +75,8 @@ class PoseLimit:
         "_rows",
         "_upper",
     )
+
+    row_unit: ClassVar[str] = "m/s or rad/s"
 
     def __init__(
         self,
@@ -91,6 +108,11 @@ class PoseLimit:
                 f"{self._name!r}: along {self._axes[i]!r} lower is {self._lower[i]:g} and upper {self._upper[i]:g}; lower must "
                 "not be above upper."
             )
+        angular = [i for i, axis in enumerate(self._axes) if axis in ANGULAR_AXES]
+        named = [f"{which} {self._axes[i]}" for which in ("lower", "upper") for i in angular]
+        warn_of_degrees(
+            repr(self._name), named, np.concatenate((self._lower[angular], self._upper[angular])), stacklevel=2
+        )
         self._origin = pose((np.eye(3), np.zeros(3)) if origin is None else origin, f"the origin of {self._name!r}")
         self._point = frame_point(point, self._name)
         self._approach = Approach(gain, deceleration, return_speed, self._name)

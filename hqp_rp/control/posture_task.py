@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import driven_indices, is_pattern, joint_indices, real_array
 from hqp_rp.control._coordinates import plain_coordinates
 from hqp_rp.control._native_rows import Layout
+from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.row_kinds import POSTURE
+from hqp_rp.robot.angles import TURN, warn_of_degrees
 from hqp_rp.robot.robot import Robot
 
 
@@ -37,6 +39,10 @@ class PostureTask(FeedbackTask):
     Raises:
         SettingError: a value of the wrong shape, not finite, or out of its range.
         RobotError: when it meets a robot without such a joint, or with another size of q.
+
+    Warns:
+        UserWarning: when it meets a robot, a hinge's target of more than a turn that its limits do not reach, or of more than
+            two without limits: it looks like degrees.
     """
 
     __slots__ = ("_bound", "_coordinates", "_feedforward", "_indices", "_joints", "_target")
@@ -160,7 +166,19 @@ class PostureTask(FeedbackTask):
             if isinstance(value, np.ndarray) and len(value) != rows:
                 raise RobotError(f"{owner}: {what} has shape {value.shape}; on this robot the task has {rows} rows.")
         coordinates = plain_coordinates(robot)[indices]
+        self._warn_of_degrees(robot, indices, coordinates)
         # Empty where a chosen velocity belongs to a ball or free joint, whose difference only the robot knows.
         self._coordinates = coordinates if (coordinates >= 0).all() else coordinates[:0]
         self._bound, self._rows, self._indices = robot, rows, indices
         self._packed = None
+
+    def _warn_of_degrees(self, robot: Robot, indices: IntArray, coordinates: IntArray) -> None:
+        """Targets of hinges that are more than a turn and outside their limits; of hinges without limits, more than two."""
+        chosen = np.isin(indices, getattr(robot, "hinges", ())) & (coordinates >= 0)
+        joints, target = indices[chosen], self._target[coordinates[chosen]]
+        lower, upper = robot.lower[joints], robot.upper[joints]
+        outside = (target < lower) | (target > upper) | (np.isinf(upper - lower) & (np.abs(target) > 2.0 * TURN))
+        names = velocity_names(robot)
+        warn_of_degrees(
+            f"the target of {self._name!r}", [names[i] for i in joints[outside]], target[outside], stacklevel=6
+        )

@@ -13,17 +13,18 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, positive_number
 from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
+from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import row_names
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
-from hqp_rp.control.joint_coupling import JointCoupling
+from hqp_rp.control._stack_warnings import warn_of_couplings, warn_of_hard_torques, warn_of_speeds
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.core._native import is_finite
-from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
+from hqp_rp.core.row_names import ROW_NAMES
 from hqp_rp.robot.robot import Robot
 
 Item: TypeAlias = Any
@@ -65,6 +66,10 @@ class Stack:
 
     Raises:
         SettingError: no level, an empty level, names, damping or a metric that do not fit, or an item that is none of these.
+
+    Warns:
+        UserWarning: a hard `TorqueLimit` beside a hard `JointLimit` without an acceleration, which asks for stops within one
+            step.
     """
 
     __slots__ = (
@@ -108,6 +113,7 @@ class Stack:
         self._items = [pair for level in adapted for pair in level]
         self._ends = np.cumsum([len(level) for level in adapted]).tolist()
         self._hard = [self._adapt(item, "limits") for item in self._limits]
+        warn_of_hard_torques([item for _, item in self._hard])
         self._damping = _level_damping(damping, len(adapted))
         self._policies = self._damping if any(self._damping) else None
         levels_of = [k for k, level in enumerate(adapted) for _ in level]
@@ -172,7 +178,8 @@ class Stack:
             ProblemError: rows that do not fit together or are not finite; it names the level and the item.
 
         Warns:
-            UserWarning: a dt of more than 1 s, or gain * dt > 1.
+            UserWarning: a dt of more than 1 s, or gain * dt > 1; when it first meets a robot, a `JointLimit()` on a model
+                without velocity limits.
         """
         rows = self._rows
         if rows is None or rows.robot is not robot:
@@ -334,6 +341,21 @@ class Stack:
         self._offsets = (below[1:] - below[1], below)
         self._counts = rows.counts
 
+    def _outline(self, n: int) -> Problem:
+        """What is known of every problem of this stack before there is a robot, as a problem of n unknowns."""
+        damping = list(self._damping)
+        for k, _, task in self._displacement_tasks:
+            if task.lm_damping:
+                damping[k] = ConstantDamping(1.0)
+        return outline(
+            n,
+            self._names,
+            two_sided=self._two_sided,
+            hard=str(self._hard[0][1].name) if self._hard else "",
+            damping=damping,
+            metric=self._metric.kind,
+        )
+
     def _meet(self, robot: Robot) -> StackRows:
         """What makes the rows on this robot, once it is seen to have what the items name."""
         if not isinstance(robot, Robot):
@@ -343,7 +365,9 @@ class Stack:
             )
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
-        self._warn_of_couplings(robot)
+        items = [item for _, item in (*self._hard, *self._items)]
+        warn_of_couplings(items, robot)
+        warn_of_speeds(items, robot)
         two_sided = self._two_sided or bool(self._hard)
         self._rows = rows = self._rows_on(robot, two_sided)
         self._count(rows)
@@ -352,38 +376,21 @@ class Stack:
     def _rows_on(self, robot: Robot, two_sided: bool) -> StackRows:
         return StackRows((*self._hard, *self._items), robot, two_sided, self._where)
 
-    def _warn_of_couplings(self, robot: Robot) -> None:
-        """What the model says of its joints and no item holds is said, in one warning."""
-        told = []
-        holding = [item.couplings for _, item in (*self._hard, *self._items) if isinstance(item, JointCoupling)]
-        held = {(coupling.joint, coupling.source) for own in holding for coupling in own or ()}
-        couplings = () if None in holding else getattr(robot, "couplings", ())
-        loose = [coupling.joint for coupling in couplings if (coupling.joint, coupling.source) not in held]
-        if loose:
-            told.append(
-                f"The robot's model says that the joints {_listed(loose)} follow others, which this stack does not hold; add "
-                "JointCoupling() to its limits."
-            )
-        loops = getattr(robot, "loops", ())
-        if loops:
-            told.append(
-                f"The robot's model has the equality constraints {_listed(loops)} (loops), which no stack holds: the answers "
-                "may break them."
-            )
-        if told:
-            warnings.warn(" ".join(told), UserWarning, stacklevel=4)
-
-    def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str]]:
-        """(limit, row) in words of each hard row; limits that share a name are told apart by a number."""
+    def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
+        """(limit, row, unit) in words of each hard row; limits that share a name are told apart by a number."""
         names = [str(item.name) for _, item in self._hard]
         names = [
             f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name for i, name in enumerate(names)
         ]
         return [
-            (name, row)
+            (name, row, self._row_unit(item))
             for name, (_, item), count in zip(names, self._hard, counts, strict=False)
             for row in row_names(item, robot, count)
         ]
+
+    def _row_unit(self, item: Any) -> str:
+        """The unit of a limit's rows, "" where it does not say."""
+        return str(getattr(item, "row_unit", ""))
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0
@@ -433,10 +440,6 @@ class Stack:
 def _described(items: Sequence[Item]) -> str:
     """The kinds and names of tasks and limits."""
     return ", ".join(f"{type(item).__name__} {getattr(item, 'name', '')}".rstrip() for item in items)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
 def _as_level(level: Item | Sequence[Item], k: int) -> tuple[Item, ...]:

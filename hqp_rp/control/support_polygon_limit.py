@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +47,8 @@ class SupportPolygonLimit:
     """
 
     __slots__ = ("_approach", "_margin", "_name", "_on_frames", "_polygon")
+
+    row_unit: ClassVar[str] = "m/s"
 
     def __init__(
         self,

@@ -9,9 +9,11 @@ import time
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import positive_number, real_array
+from hqp_rp.control._refusal import require_not_refused, require_taken
 from hqp_rp.control.activation import blend
 from hqp_rp.control.command import Mode, fault_of
-from hqp_rp.control.torque_stack import InverseDynamics, TorqueStack
+from hqp_rp.control.inverse_dynamics import InverseDynamics
+from hqp_rp.control.torque_stack import TorqueStack
 from hqp_rp.core._native import torque_within
 from hqp_rp.core.errors import HqpError, SettingError
 from hqp_rp.core.problem import FloatArray, Problem
@@ -76,8 +78,8 @@ class TorqueController:
         tau = S (g - J_c^T f - braking diag(M) v)      f: least squares of what carries the velocities that are not
         driven, f_z >= 0
 
-    cut to the limits, until the solver answers again. What fails before the first good answer, but for a solver's status, is
-    raised.
+    cut to the limits, until the solver answers again. What fails before the first good answer, but for a solver's status other
+    than REFUSED, is raised.
 
     Args:
         stack: the stack. solver: a `Solver`, or its name; it must take hard rows.
@@ -85,7 +87,8 @@ class TorqueController:
         accept_inaccurate: whether an answer of status INACCURATE is used.
 
     Raises:
-        SettingError: a value out of its range. UnknownNameError: no solver of that name.
+        SettingError: a value out of its range; a solver that refuses the stack's problems (limits, contacts, damped levels, a
+            metric, ...), in its own words. UnknownNameError: no solver of that name.
     """
 
     __slots__ = ("_accepted", "_began", "_braking", "_failures", "_solver", "_stack")
@@ -99,6 +102,7 @@ class TorqueController:
         if given.ndim or not 0.0 <= float(given) < math.inf:
             raise SettingError(f"braking is {braking!r}; it must be a finite number >= 0, in 1/s.")
         self._stack, self._solver, self._braking = stack, get_solver(solver), float(given)
+        require_taken(self._solver, stack)
         self._accepted = (Status.SOLVED, Status.INACCURATE) if accept_inaccurate else (Status.SOLVED,)
         self.reset()
 
@@ -133,6 +137,8 @@ class TorqueController:
             else:
                 solution = blend(problem, self._solver, rows=dynamics.degrees)
             seconds = time.perf_counter() - begin
+            if not self._began:
+                require_not_refused(solution, self._stack)
             reason = fault_of(solution, self._accepted, problem.n)
         except HqpError as error:
             if not self._began:
@@ -153,6 +159,21 @@ class TorqueController:
         self._failures += 1
         torque = self._stack.holding_torque(robot, v, self._braking)
         return TorqueCommand(torque, Mode.HOLDING, reason, None, problem, solution, seconds)
+
+    def hold(self, robot: Robot, v: ArrayLike, reason: str = "hold() was called.") -> TorqueCommand:
+        """Compensate gravity and brake without asking the solver, as `step` does where no answer comes.
+
+        For whoever knows that no answer may be sent now. Call it at every period for as long as that lasts; `step` goes on.
+
+        Args:
+            robot: at its current configuration. v: (nv,) measured velocity, rad/s or m/s; what is not finite counts as 0.
+            reason: a sentence, that the command then says.
+
+        Raises `SettingError` for a reason that is no words, `RobotError` as `TorqueStack.problem`.
+        """
+        if not isinstance(reason, str) or not reason:
+            raise SettingError(f"reason is {reason!r}; give a sentence that says why the robot shall hold.")
+        return TorqueCommand(self._stack.holding_torque(robot, v, self._braking), Mode.HOLDING, reason)
 
     def __repr__(self) -> str:
         return f"TorqueController({self._stack!r}, {self._solver.name})"

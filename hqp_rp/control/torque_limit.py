@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -49,6 +49,8 @@ class TorqueLimit:
     """
 
     __slots__ = ("_bound", "_coriolis", "_gravity", "_index", "_limit", "_name", "_torque")
+
+    row_unit: ClassVar[str] = "N m or N"
 
     def __init__(
         self, limit: PerJoint, *, gravity: bool = True, coriolis: bool = True, name: str = "joint torque"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import math
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,58 +13,25 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control._contact_rows import ContactRows
+from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
+from hqp_rp.control._stack_warnings import at_once, at_once_on, warn_of_brakes
 from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.contact import Contact
 from hqp_rp.control.contact_force_task import ContactForceTask
+from hqp_rp.control.inverse_dynamics import InverseDynamics
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.control.torque_task import TorqueTask
 from hqp_rp.core import _native
-from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.row_names import ROW_NAMES
 from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
 CONTACTS = "contacts"
-
-
-@dataclasses.dataclass(slots=True, eq=False)
-class InverseDynamics:
-    """How an answer x = (v-dot, f / force_unit) of one problem becomes torques.
-
-    Attributes:
-        map: (d, n) and offset: (d,): the torques of the driven velocities are `map @ x + offset`, N m or N.
-        driven: (d,) their velocity indices.
-        limit: (d,) the greatest |torque|, infinite for none.
-        nv, force_unit: as above.
-        contact_jacobian: (F, nv): forces f act on the joints as `contact_jacobian.T @ f`.
-        degrees: (M,) activation of each row of the levels, None where all are present.
-    """
-
-    map: FloatArray
-    offset: FloatArray
-    driven: IntArray
-    limit: FloatArray
-    nv: int
-    force_unit: float
-    contact_jacobian: FloatArray
-    degrees: FloatArray | None
-
-    def torque(self, x: FloatArray) -> FloatArray:
-        """(d,) torques of the driven velocities for x (n,)."""
-        torque: FloatArray = self.map @ x + self.offset
-        return torque
-
-    def acceleration(self, x: FloatArray) -> FloatArray:
-        """(nv,) v-dot."""
-        return x[: self.nv]
-
-    def forces(self, x: FloatArray) -> FloatArray:
-        """(F,) N, of all contacts' points, each in the axes of its contact."""
-        return x[self.nv :] * self.force_unit
 
 
 class TorqueStack:
@@ -111,6 +78,10 @@ class TorqueStack:
     Raises:
         SettingError: an item that is none of these, a force task on a contact that is not among `contacts`, or a value out of
             its range.
+
+    Warns:
+        UserWarning: torque limits beside a hard `JointLimit` without an acceleration, which asks for stops within one step;
+            once, when the stack is made, or where the limits are the model's own when it first meets the robot.
 
     Source: Saab, Ramos, Keith, Mansard, Soueres and Fourquet 2013; Herzog et al. 2016 for eliminating the torques.
     """
@@ -173,6 +144,11 @@ class TorqueStack:
         self._torque = checked_per_joint(torque, "torque")
         self._driven_names = None if driven is None else tuple(driven)
         self._force_unit = positive_number(force_unit, "force_unit")
+        self._warned = False
+        unbraked = at_once(self._motion.limits) if self._torque_is_bounded else None
+        if unbraked is not None:
+            warn_of_brakes(unbraked, stacklevel=2)
+            self._warned = True
         self._robot: Robot | None = None
         self._motion_offsets: tuple[IntArray, IntArray] | None = None
 
@@ -265,6 +241,29 @@ class TorqueStack:
         counts = rows.counts
         problem.kept = {_DYNAMICS: dynamics, ROW_NAMES: lambda: self._row_names(robot, counts)}
         return problem
+
+    @property
+    def _torque_is_bounded(self) -> bool:
+        """Whether a torque limit was given; the model's own are known on the robot only."""
+        given = list(self._torque.values()) if isinstance(self._torque, dict) else self._torque
+        return given is not None and bool(np.isfinite(given).any())
+
+    def _outline(self, n: int) -> Problem:
+        """What is known of every problem of this stack before there is a robot, as a problem of n unknowns."""
+        bounded = self._torque_is_bounded
+        limits = self._motion._hard
+        names = (
+            ["joint torque"] if bounded else [c.name for c in self._contacts] or [str(item.name) for _, item in limits]
+        )
+        return outline(
+            n,
+            self._all_names,
+            two_sided=self._motion._two_sided,
+            hard=names[0] if names else "",
+            wide=bounded or any(contact.cone == "pyramid" for contact in self._contacts),
+            damping=self._policies(self._motion.damping),
+            metric=self._metric.kind,
+        )
 
     def _lay_out(self) -> None:
         """Where all rows stand: hard ones, contacts, then each level's rows on accelerations and on forces."""
@@ -404,6 +403,10 @@ class TorqueStack:
         default = np.full(robot.nv, math.inf) if own is None else own
         self._limit = per_joint(self._torque, default, robot, "torque")[driven]
         self._limited = driven[self._limit < math.inf]
+        found = None if self._warned else at_once_on(self._motion.limits, robot, self._limited)
+        if found is not None:
+            warn_of_brakes(*found, stacklevel=3)
+            self._warned = True
         self._contact_rows = ContactRows(robot, self._contacts)
         if not self._contacts:
             self._contact_rows.arrays["jacobians"] = np.zeros((0, 6, robot.nv))
@@ -422,14 +425,17 @@ class TorqueStack:
         self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
         self._robot = robot
 
-    def _row_names(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str]]:
-        """(group, row) in words of each hard row."""
+    def _row_names(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
+        """(group, row, unit) in words of each hard row."""
         names = velocity_names(robot)
-        told = [("equation of motion", names[i]) for i in self._passive]
-        told += [("joint torque", names[i]) for i in self._limited]
+        told = [("equation of motion", names[i], "N m or N") for i in self._passive]
+        told += [("joint torque", names[i], "N m or N") for i in self._limited]
+        force = "N" if self._force_unit == 1.0 else f"x {self._force_unit:g} N"  # rows on f / force_unit
         for contact in self._contacts:
             faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
-            told += [(contact.name, f"point {i + 1} {face}") for i in range(len(contact.points)) for face in faces]
+            told += [
+                (contact.name, f"point {i + 1} {face}", force) for i in range(len(contact.points)) for face in faces
+            ]
         return told + self._motion._named_rows(robot, counts)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -455,4 +461,6 @@ def _bias(robot: Any, v: FloatArray) -> FloatArray:
 
 
 def _rebuilt(levels: Sequence[Any], limits: Sequence[Any], arguments: dict[str, Any]) -> TorqueStack:
-    return TorqueStack(levels, limits, **arguments)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # said where the stack was made
+        return TorqueStack(levels, limits, **arguments)

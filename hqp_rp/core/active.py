@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hqp_rp.core.diagnostics import rounding_at_zero, row_norms
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.row_names import ROW_NAMES, row_names
 from hqp_rp.core.tolerances import ACTIVE
 
 VIOLATED = ACTIVE
@@ -22,10 +23,15 @@ def active_rows(problem: Problem, x: FloatArray, held: NDArray[np.integer] | flo
         beyond = value - bound
         size = row_norms(matrix) * np.linalg.norm(x)
         noise = row_norms(matrix @ rounding_at_zero(problem, x))
+        near = held if isinstance(held, float) else VIOLATED
+        at_upper = np.abs(value - upper) <= near * (size + np.abs(upper)) + noise
+        at_lower = np.abs(value - lower) <= near * (size + np.abs(lower)) + noise
+        touched = np.where(at_upper & np.isfinite(upper), 1, np.where(at_lower & np.isfinite(lower), -1, 0))
         if isinstance(held, float):
-            at_upper = np.abs(value - upper) <= held * (size + np.abs(upper)) + noise
-            at_lower = np.abs(value - lower) <= held * (size + np.abs(lower)) + noise
-            held = np.where(at_upper & np.isfinite(upper), 1, np.where(at_lower & np.isfinite(lower), -1, 0))
+            held = touched
+        elif problem.damping is not None:
+            # What held a damped level back has no multiplier any more once later levels keep what that level reached.
+            held = np.where(held == 0, touched, held)
         violated = np.abs(beyond) > VIOLATED * (size + np.abs(bound)) + noise
     active = np.where(violated, np.sign(beyond), np.sign(held)).astype(np.int8)
     active[lower == upper] = 1
@@ -34,12 +40,23 @@ def active_rows(problem: Problem, x: FloatArray, held: NDArray[np.integer] | flo
 
 
 def in_words(problem: Problem, active: NDArray[np.int8]) -> tuple[str, ...]:
-    """One entry for each active inequality row: its level, its row within the level, and the bound it is at or beyond."""
+    """One entry for each active inequality row, and the bound it is at or beyond: a hard row by its name where it has one,
+    else the level and the row within it.
+
+    A row whose bounds coincide is an inequality among those of a limit, or of a level, of which other rows are no equalities.
+    """
     _, lower, upper, offsets = problem.with_hard
     hard = problem.hard.name if problem.hard is not None and problem.hard.name else "hard"
     names = (hard, *problem.names)
+    stated = row_names(problem) if ROW_NAMES in (problem.kept or {}) else []
+    level = np.searchsorted(offsets, np.arange(len(lower)), side="right") - 1
+    groups = [(k, stated[i].group if i < len(stated) else "") for i, k in enumerate(level.tolist())]
+    open_groups = {groups[i] for i in np.flatnonzero(lower != upper)}
     words = []
-    for i in np.flatnonzero((active != 0) & (lower != upper)):
-        k = int(np.searchsorted(offsets, i, side="right")) - 1
-        words.append(f"{names[k]}[{i - offsets[k]}] at its {'upper' if active[i] > 0 else 'lower'} bound")
+    for i in np.flatnonzero(active):
+        if groups[i] not in open_groups:
+            continue
+        row = str(stated[i]) if i < len(stated) else f"{names[level[i]]}[{i - offsets[level[i]]}]"
+        where = "only value" if lower[i] == upper[i] else "upper bound" if active[i] > 0 else "lower bound"
+        words.append(f"{row} at its {where}")
     return tuple(words)

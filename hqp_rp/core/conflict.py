@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from hqp_rp.core.diagnostics import norm, one_sided, row_norms
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.row_names import row_names
 from hqp_rp.core.tolerances import FARKAS_WEIGHT, MEETS
 from hqp_rp.core.verify import Contradiction, proven_contradiction
-
-ROW_NAMES = "hard row names"
-"""Under this name `Problem.kept` holds what gives (group, row) in words for every hard row; a `Stack` puts it there."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -28,6 +25,8 @@ class Conflict:
         names: each in words, such as "joint limits: j4 upper".
         gap: the least that x can miss the worst of them by, in units of the length of its row; infinite for a row of zeros.
             Where other rows contradict each other too, all hard rows together may miss by more.
+        misses: the same in each row's own unit, gap ||a_i||: by how much each of these rows is missed where all of them are
+            missed alike. units: "rad/s or m/s" for instance, the unit of each, "" where nobody said.
         remedies: what alone, moved from the hard rows to a level, would make the others feasible: names of limits, or of rows
             where nobody named limits; empty where no single one does.
     """
@@ -37,10 +36,19 @@ class Conflict:
     names: tuple[str, ...]
     gap: float
     remedies: tuple[str, ...]
+    misses: tuple[float, ...]
+    units: tuple[str, ...]
 
     def __str__(self) -> str:
-        what = "; ".join(self.names[:6]) + ("; ..." if len(self.names) > 6 else "")
+        stated = any(self.units) and self.gap != math.inf
+        told = [
+            f"{name} (by {miss:.3g} {unit})" if unit else name
+            for name, miss, unit in zip(self.names, self.misses, self.units, strict=True)
+        ]
+        what = "; ".join((told if stated else self.names)[:6]) + ("; ..." if len(self.names) > 6 else "")
         how = "no x moves this row" if self.gap == math.inf else f"they miss each other by {self.gap:.3g}"
+        if stated:
+            how = "at best they are missed alike, by these amounts"
         if not self.remedies:
             return f"{what}: {how}; no single limit moved to a level makes the rest feasible."
         some = " or ".join(repr(remedy) for remedy in self.remedies)
@@ -59,17 +67,23 @@ def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
     found = _proof(hard, x)
     if found is None:
         return None
-    namer: Callable[[], list[tuple[str, str]]] | None = (problem.kept or {}).get(ROW_NAMES)
-    named = [("", f"hard row {i}") for i in range(hard.m)] if namer is None else namer()
+    named = row_names(problem)
+    rows = found.rows.tolist()
     sides = ["upper" if side > 0 else "lower" for side in found.sides]
-    names = []
-    for row, side in zip(found.rows.tolist(), sides, strict=True):
-        group, name = named[row]
-        names.append(f"{group}: {name} {side}" if group else f"{name} {side}")
-    groups = [group or name for group, name in named]
-    suspects = dict.fromkeys(groups[row] for row in found.rows.tolist())
+    groups = [name.group or name.row for name in named]
+    suspects = dict.fromkeys(groups[row] for row in rows)
     remedies = [suspect for suspect in suspects if _feasible(hard, [group != suspect for group in groups])]
-    return Conflict(tuple(found.rows.tolist()), tuple(sides), tuple(names), found.gap, tuple(remedies))
+    return Conflict(
+        rows=tuple(rows),
+        sides=tuple(sides),
+        names=tuple(f"{named[row]} {side}" for row, side in zip(rows, sides, strict=True)),
+        gap=found.gap,
+        remedies=tuple(remedies),
+        misses=tuple((found.gap * row_norms(hard.A[rows])).tolist())
+        if found.gap < math.inf
+        else (math.inf,) * len(rows),
+        units=tuple(named[row].unit for row in rows),
+    )
 
 
 def _proof(hard: Level, x: FloatArray | None) -> Contradiction | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,10 @@ class Singularity(enum.Enum):
     PARTLY_USED_UP = (
         "The levels before it leave less freedom than the level has rows; it gets all that is left (no singularity)."
     )
+    LIMITED = (
+        "Active limits, hard rows or inequality rows of the levels before it, use up freedom that the level needs; beside the "
+        "levels alone it keeps its rank (no singularity)."
+    )
     KINEMATIC = "The level's own rows are dependent (kinematic singularity)."
     ALGORITHMIC = "The level's rows depend on rows of the levels before it (algorithmic singularity)."
     BOTH = "The level's own rows are dependent, and they depend on rows of the levels before it."
@@ -43,6 +47,15 @@ class Singularity(enum.Enum):
             return cls.ALGORITHMIC
         return cls.PARTLY_USED_UP if rank < own_rank else cls.NONE
 
+    def beside_limits(self, alone: Singularity) -> Singularity:
+        """The kind of a level beside levels and limits, `self`, where it is `alone` beside the levels without the limits."""
+        sound = alone in (Singularity.NONE, Singularity.PARTLY_USED_UP)
+        if self is Singularity.ALGORITHMIC and sound:
+            return Singularity.LIMITED
+        if self is Singularity.PARTLY_USED_UP and alone is Singularity.NONE:
+            return Singularity.LIMITED
+        return alone if self is Singularity.BOTH or alone is Singularity.ALGORITHMIC else self
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Spectrum:
@@ -55,7 +68,8 @@ class Spectrum:
         singularity: `KINEMATIC` when own_rank < min(m, n); `ALGORITHMIC` when rank < min(own_rank, d), which is equation (12),
             rank J_1 + rank J_2 > rank [J_1; J_2], where both would fit into the n dimensions; `BOTH` when both hold.
             `PARTLY_USED_UP` where the rows do not fit by their number alone, own_rank > d, and use up all d: a posture below
-            other levels.
+            other levels. `LIMITED` where a loss of either kind is due to limits: without the hard rows and the inequality rows
+            of earlier levels, the other rows leave the level all rank, or all that they leave.
     """
 
     rank: int
@@ -117,13 +131,16 @@ def diagnose(
     require_tolerance("rank_tolerance", rank_tolerance)
     require_tolerance("active_tolerance", active_tolerance)
     violations = [violation(level, point) for level in problem.levels]
+    equalities = None
     if problem.is_equality:
         chosen = [level.A for level in problem.levels]
     else:
-        chosen = [level.A[binding(level, point, active_tolerance)] for level in problem.levels]
+        bound = [binding(level, point, active_tolerance) for level in problem.levels]
+        chosen = [level.A[rows] for level, rows in zip(problem.levels, bound, strict=True)]
+        equalities = [(level.lower == level.upper)[rows] for level, rows in zip(problem.levels, bound, strict=True)]
     hard = problem.hard
     first = None if hard is None or not hard.m else hard.A[binding(hard, point, active_tolerance)]
-    ranks = _spectra(*_in_metric(problem, chosen, first), rank_tolerance)
+    ranks = _spectra(*_in_metric(problem, chosen, first), rank_tolerance, equalities)
     return tuple(
         LevelReport(
             name=name,
@@ -165,14 +182,21 @@ def _in_metric(
 
 
 def _spectra(
-    levels: Iterable[tuple[FloatArray, FloatArray]], first: FloatArray | None, rank_tolerance: float
+    levels: Iterable[tuple[FloatArray, FloatArray]],
+    first: FloatArray | None,
+    rank_tolerance: float,
+    equalities: Sequence[NDArray[np.bool_]] | None = None,
 ) -> list[Spectrum]:
-    """`levels`: for each, the whole A_k, whose norm the rank rule speaks of, and the rows that bind."""
+    """`levels`: for each, the whole A_k, whose norm the rank rule speaks of, and the rows that bind; `equalities`: which of
+    these are equalities, None for all."""
     Z: FloatArray | None = None
     if first is not None and len(first):
         Z = remaining(first, None, rank_tolerance)[1]
+    # The same without what limits take, where there are any.
+    limited = Z is not None or (equalities is not None and not all(own.all() for own in equalities))
+    without: FloatArray | None = None
     found = []
-    for A, rows in levels:
+    for k, (A, rows) in enumerate(levels):
         m, n = rows.shape
         if m == 0:
             found.append(Spectrum(0, 0, math.inf, Singularity.NONE))
@@ -186,10 +210,30 @@ def _spectra(
         rank, free = min(int((sigma > cut).sum()), own_rank), n if Z is None else Z.shape[1]
         sigma_min = float(sigma[-1]) if len(sigma) else 0.0
         Z = Vt[rank:].T if Z is None else Z @ Vt[rank:].T
-        found.append(
-            Spectrum(rank, own_rank, times_power(sigma_min, exponent), Singularity.of(rank, own_rank, min(m, n), free))
-        )
+        kind = Singularity.of(rank, own_rank, min(m, n), free)
+        if limited:
+            beside, free = min(_rank(scaled, without, cut), own_rank), n if without is None else without.shape[1]
+            kind = kind.beside_limits(Singularity.of(beside, own_rank, min(m, n), free))
+            fixed = scaled if equalities is None else scaled[equalities[k]]
+            without = _null_space(fixed, without, cut)
+        found.append(Spectrum(rank, own_rank, times_power(sigma_min, exponent), kind))
     return found
+
+
+def _rank(rows: FloatArray, Z: FloatArray | None, cut: float) -> int:
+    """How many singular values of rows Z are beyond `cut`; Z None is the identity."""
+    B = rows if Z is None else rows @ Z
+    return int((np.linalg.svd(B, compute_uv=False) > cut).sum()) if min(B.shape) else 0
+
+
+def _null_space(rows: FloatArray, Z: FloatArray | None, cut: float) -> FloatArray | None:
+    """An orthonormal basis of the null space of the rows within range(Z), singular values up to `cut` counting as zero."""
+    B = rows if Z is None else rows @ Z
+    if not min(B.shape):
+        return Z
+    _, sigma, Vt = np.linalg.svd(B)
+    rest: FloatArray = Vt[int((sigma > cut).sum()) :].T
+    return rest if Z is None else Z @ rest
 
 
 def remaining(A: FloatArray, Z: FloatArray | None, rank_tolerance: float) -> tuple[int, FloatArray]:

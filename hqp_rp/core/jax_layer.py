@@ -13,16 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hqp_rp.core.derivative import TOLERANCE
-from hqp_rp.core.errors import MissingExtraError, ProblemError
+from hqp_rp.core.errors import ProblemError
+from hqp_rp.core.extras import require
 from hqp_rp.core.layer import Data, answers_of, bounds_of, gradients_of, offsets_of, solutions_of
 from hqp_rp.core.solver import Solver, get_solver
 
-try:
-    import jax  # pyright: ignore[reportMissingImports]
-    import jax.numpy as jnp  # pyright: ignore[reportMissingImports]
-except ImportError as error:
-    told = 'hqp_rp.core.jax_layer needs jax, which is not installed: pip install "hqp-rp[jax]"'
-    raise MissingExtraError(told) from error
+require("hqp_rp.core.jax_layer", "jax")
+
+import jax  # noqa: E402  # pyright: ignore[reportMissingImports]
+import jax.numpy as jnp  # noqa: E402  # pyright: ignore[reportMissingImports]
 
 
 def solve(

@@ -47,6 +47,7 @@ from hqp_rp.core.damping import (
 from hqp_rp.core.diagnostics import norm, remaining, row_norms, two_norm
 from hqp_rp.core.level import FloatArray, IntArray, Level
 from hqp_rp.core.problem import Problem
+from hqp_rp.core.row_names import take_row_names
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.stacked import damping_factors
 from hqp_rp.core.tolerances import RANK, REACHED, TRUNCATED
@@ -152,9 +153,11 @@ def damped_targets(problem: Problem, solve: Solve) -> Problem:
             low[level] = high[level] = matrix[level] @ found.x
     left = tuple(None if k in levels else policy for k, policy in enumerate(damping))
     bounds = low, low if problem.is_equality else high
-    return Problem.from_stacked(
+    made = Problem.from_stacked(
         matrix, *bounds, offsets, names=problem.names, hard=problem.hard, damping=left, check=False
     )
+    take_row_names(problem, made)
+    return made
 
 
 class _Rows(NamedTuple):
@@ -211,7 +214,7 @@ class _Reached:
         offsets[-1] = len(A)
         names = self.damped.names[: len(rows)]
         same = bool((lower == upper).all())
-        return Problem.from_stacked(
+        made = Problem.from_stacked(
             np.ascontiguousarray(A),
             lower,
             lower if same else upper,
@@ -220,6 +223,8 @@ class _Reached:
             hard=self.damped.hard,
             check=False,
         )
+        take_row_names(self.damped, made)
+        return made
 
     def as_stated(self, held: Any, hard_rows: int) -> Any:
         """`Solution.held` of the whole problem, by the rows of the stated one."""

@@ -20,7 +20,7 @@ Source: Whitney 1969 for the weighted least norm; the paper, (6)-(7), for its we
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +29,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.errors import ProblemError
 from hqp_rp.core.level import FloatArray, Level, frozen
 from hqp_rp.core.problem import Problem
+from hqp_rp.core.row_names import take_row_names
 from hqp_rp.core.solution import Solution
 
 _SYMMETRIC = 1e-12
@@ -142,13 +143,5 @@ def _turned(problem: Problem) -> Turned:
         )
     else:
         made = with_inverse(problem, inverse)
-    _take_names(problem, made)
+    take_row_names(problem, made)
     return Turned(made, root, inverse)
-
-
-def _take_names(problem: Problem, made: Problem) -> None:
-    from hqp_rp.core.conflict import ROW_NAMES
-
-    kept: dict[str, Any] = problem.kept or {}
-    if ROW_NAMES in kept:
-        made.kept = {**(made.kept or {}), ROW_NAMES: kept[ROW_NAMES]}

@@ -55,7 +55,7 @@ class Stages:
         asked, n, m, soft, guessed = cascade.begin(problem, secondary, tolerance, RANK_TOLERANCE, polish)
         while asked > _OVERFLOW:
             if asked == _VIOLATED:
-                if problem.hard is not None and (conflict := contradiction(problem.hard, cascade.x)):
+                if conflict := contradiction(problem, cascade.x):
                     return Solution(problem, None, Status.INFEASIBLE, run.iterations, conflict, secondary)
                 asked, n, m, soft, guessed = cascade.go_on()
                 continue
@@ -84,7 +84,7 @@ def verified(
     fault = fault_of(problem, x, secondary, tolerance)
     if fault and problem.hard is not None:
         broken = breaks_hard_rows(problem, x, tolerance)
-        conflict = contradiction(problem.hard, cascade.least) if broken else ""
+        conflict = contradiction(problem, cascade.least) if broken else ""
         if conflict:
             return Solution(problem, None, Status.INFEASIBLE, run.iterations, conflict, secondary)
         if broken:

@@ -109,8 +109,9 @@ class Solution(_native.Solution):
         the solver's: a multiplier beyond its tolerance (`qp_cascade`, `weighted`), a place in the final working set
         (`hierarchical_active_set`, `reverse_priority_unilateral`), a row at its bound to the declared tolerance (`daqp`, which
         reports no multipliers of finished levels) or to rounding error (`saturation_null_space`). They differ only where a
-        multiplier is zero or not unique. Computed when first asked for. None where there is no x, or where the solver does
-        not say.
+        multiplier is zero or not unique. Beside damped levels every row at its bound counts as well: one that held a damped
+        level back need have no multiplier in what the levels after it solve. Computed when first asked for. None where there
+        is no x, or where the solver does not say.
         """
         kept = self._once()
         if "active" not in kept and self.x is not None and self.held is not None:
@@ -122,7 +123,11 @@ class Solution(_native.Solution):
 
     @property
     def active_rows(self) -> tuple[str, ...] | None:
-        """The inequality rows among `active` in words, such as "velocity[3] at its upper bound"; None where `active` is."""
+        """The inequality rows among `active` in words, None where `active` is.
+
+        Such as "velocity[3] at its upper bound", or of a `Stack` "joint limits: joint4 at its upper bound"; "at its only value"
+        where the two bounds coincide, as of a joint that a limit leaves no choice.
+        """
         from hqp_rp.core.active import in_words
 
         return None if self.active is None else in_words(self.problem, self.active)

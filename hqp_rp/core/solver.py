@@ -62,9 +62,15 @@ class Solver(abc.ABC):
     def refuses(self, problem: Problem) -> str | None:
         """A sentence that says what in `problem` the solver cannot take, or None. Nothing is ever silently dropped."""
         if problem.hard is not None and problem.hard.m and not self.takes_hard:
-            return f"{self.name} is a closed form without hard rows; use a solver that takes them, such as qp_cascade."
+            return (
+                f"{self.name} is a closed form without hard rows; use a solver that takes them, such as "
+                "hierarchical_active_set."
+            )
         if not problem.is_equality and not self.takes_inequalities:
-            return f"{self.name} solves equalities only; use a solver that takes two-sided rows, such as qp_cascade."
+            return (
+                f"{self.name} solves equalities only; use a solver that takes two-sided rows, such as "
+                "hierarchical_active_set."
+            )
         if problem.damping is not None and not self.takes_damping:
             return (
                 f"{self.name} knows no damping of single levels; give the solver its own damping where it has one, or use one "
@@ -187,6 +193,12 @@ def solve(
     if not isinstance(problem, Problem):
         raise ProblemError(f"problem is a {type(problem).__name__}; build it with hqp_rp.Problem([...]).")
     return get_solver(solver, **settings).solve(problem, checked_secondary(secondary, problem.n))
+
+
+def require_rank_tolerance(value: object) -> None:
+    """Raises `SettingError` unless `value` is a number in [0, 1)."""
+    if not isinstance(value, int | float) or not 0.0 <= value < 1.0:
+        raise SettingError(f"rank_tolerance is {value!r}; it must be a number in [0, 1).")
 
 
 def checked_secondary(secondary: ArrayLike | None, n: int) -> FloatArray | None:

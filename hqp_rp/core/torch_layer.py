@@ -10,16 +10,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from hqp_rp.core.derivative import TOLERANCE
-from hqp_rp.core.errors import MissingExtraError, ProblemError
+from hqp_rp.core.errors import ProblemError
+from hqp_rp.core.extras import require
 from hqp_rp.core.layer import Data, answers_of, bounds_of, gradients_of, offsets_of, solutions_of
 from hqp_rp.core.solver import Solver, get_solver
 
-try:
-    import torch  # pyright: ignore[reportMissingImports]
-    from torch.autograd.function import once_differentiable  # pyright: ignore[reportMissingImports]
-except ImportError as error:
-    told = 'hqp_rp.core.torch_layer needs torch, which is not installed: pip install "hqp-rp[torch]"'
-    raise MissingExtraError(told) from error
+require("hqp_rp.core.torch_layer", "torch")
+
+import torch  # noqa: E402  # pyright: ignore[reportMissingImports]
+from torch.autograd.function import once_differentiable  # noqa: E402  # pyright: ignore[reportMissingImports]
 
 
 def solve(

@@ -13,6 +13,7 @@ from hqp_rp.core.diagnostics import one_sided, rounding_at_zero, row_norms
 from hqp_rp.core.metric import in_metric
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
+from hqp_rp.core.row_names import hard_rows_in_words
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.tolerances import CONTRADICTION, FARKAS_REACH, FARKAS_ROUNDING, FARKAS_WEIGHT
 
@@ -88,18 +89,18 @@ class Contradiction(NamedTuple):
     gap: float
 
 
-def contradiction(hard: Level, x: FloatArray) -> str:
+def contradiction(problem: Problem, x: FloatArray) -> str:
     """A sentence that names the hard rows in conflict where they provably are, else ""; see `proven_contradiction`."""
-    found = proven_contradiction(hard, x)
-    if found is None:
+    hard = problem.hard
+    found = None if hard is None else proven_contradiction(hard, x)
+    if hard is None or found is None:
         return ""
+    shown = hard_rows_in_words(problem, sorted(set(found.rows.tolist())))
     if len(found.rows) == 1 and found.gap == math.inf:
         i = int(found.rows[0])
-        return f"Hard row {i} is a row of zeros that must be within [{hard.lower[i]:g}, {hard.upper[i]:g}]."
-    named = sorted(set(found.rows.tolist()))
-    shown = ", ".join(str(i) for i in named[:8]) + (", ..." if len(named) > 8 else "")
+        return f"{shown} is a row of zeros that must be within [{hard.lower[i]:g}, {hard.upper[i]:g}]."
     return (
-        f"Hard rows {shown} contradict each other: every x misses one of them by at least {found.gap:.3g} of its "
+        f"{shown} contradict each other: every x misses one of them by at least {found.gap:.3g} of its "
         "length. Loosen these rows, or move them to a level."
     )
 

@@ -18,6 +18,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.core.threads import in_shares
+from hqp_rp.robot.angles import warn_of_degrees
 
 _PER_JOINT = (
     "d",
@@ -87,6 +88,9 @@ class DHArm:
     Raises:
         RobotError: no joint, a field of the wrong length, a number that is not finite or not allowed.
 
+    Warns:
+        UserWarning: an alpha of more than a turn, which looks like degrees.
+
     Source: Denavit and Hartenberg 1955; the distal form as in Siciliano et al., Robotics, 2009, section 2.8.2.
     """
 
@@ -118,6 +122,7 @@ class DHArm:
             _require(self, field, lambda value: value > 0.0, "> 0")
         for field in ("armature", "damping", "servo_gain"):
             _require(self, field, lambda value: value >= 0.0, ">= 0")
+        warn_of_degrees(f"arm {self.name!r}", [f"alpha[{i}]" for i in range(n)], self.alpha, stacklevel=3)
         for i, (low, neutral, high) in enumerate(zip(self.lower, self.neutral, self.upper, strict=True)):
             if not low <= neutral <= high:
                 raise RobotError(

@@ -28,6 +28,7 @@ class ModelRobot:
     _couplings: tuple[Coupling, ...] = ()
     _loops: tuple[str, ...] = ()
     _limited_balls: tuple[str, ...] = ()
+    _hinges: IntArray
     _table: FrameTable
     _lower: FloatArray
     _upper: FloatArray
@@ -66,6 +67,11 @@ class ModelRobot:
     def limited_balls(self) -> tuple[str, ...]:
         """Names of ball joints with a range, which `lower` and `upper` cannot say."""
         return self._limited_balls
+
+    @property
+    def hinges(self) -> IntArray:
+        """Velocity indices of the joints whose coordinate is an angle."""
+        return self._hinges
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -107,7 +113,8 @@ class ModelRobot:
             )
 
     def _warn_of_ranges(self, hinges: IntArray) -> None:
-        """Ranges that look like degrees, or like radians read as degrees, are said; hinges: velocity indices."""
+        """Ranges that look like degrees, or like radians read as degrees, are said; hinges: velocity indices, kept."""
+        self._hinges = hinges
         names = np.repeat(np.array(self._joint_names, dtype=object), self._joint_widths)
         bounds = np.stack((self._lower[hinges], self._upper[hinges]), axis=1)
         largest = np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(axis=1, initial=0.0)

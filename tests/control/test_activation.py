@@ -78,6 +78,18 @@ def test_levels_before_it_and_hard_rows_are_kept(name: str) -> None:
         assert blended.levels[0].residual == pytest.approx(residual, abs=1e-6)
 
 
+@pytest.mark.parametrize("name", ["null_space", "hierarchical_active_set"])
+def test_the_metric_is_that_of_every_part(name: str) -> None:
+    first, second, _ = EQUALITIES.levels
+    problem = Problem([first, second], metric=np.arange(1.0, EQUALITIES.n + 1.0))
+    blended = blend(problem, name, levels=[1.0, 0.4])
+    for _, part in blended.parts:
+        assert part.problem.metric is not None
+    parts = (Problem([first], metric=problem.metric), problem)
+    expected = sum(w * solve(part, name).x for w, part in zip((0.6, 0.4), parts, strict=True))
+    np.testing.assert_allclose(blended.x, expected, atol=1e-9)
+
+
 def test_single_rows_and_several_at_once() -> None:
     rows = np.ones(len(EQUALITIES.matrix))
     rows[2], rows[3] = 0.3, 0.8

@@ -76,13 +76,12 @@ def test_an_inaccurate_answer_is_used_or_not_as_asked():
     assert [c.mode is Mode.RUNNING for c in commands] == [True] * 5 + [False] * 15
 
 
-def test_a_solver_that_refuses_the_stack_moves_nothing():
+def test_a_solver_that_refuses_the_stack_is_refused_itself():
     robot = robot_with_speed_limit()
-    controller = make(robot, "reverse_priority", limits=[VelocityLimit()])
-    (command,) = run(controller, robot, 1)
-    assert command.mode is Mode.STOPPED
-    assert not command.v.any()
-    assert "closed form without hard rows" in command.reason
+    with pytest.raises(
+        hqp_rp.SettingError, match=r"reverse_priority is a closed form without hard rows; .* It was given Stack"
+    ):
+        make(robot, "reverse_priority", limits=[VelocityLimit()])
 
 
 def test_a_measured_motion_that_is_not_finite_leads_to_hold():

@@ -9,7 +9,7 @@ import pytest
 
 import hqp_rp
 from hqp_rp import Level, Problem, SettingError, Solution, Solver, Status, UnknownNameError
-from hqp_rp.control import JointLimit, MotionRunner, PositionTask, PostureTask, Stack
+from hqp_rp.control import JointLimit, MotionRunner, PositionTask, PostureTask, Stack, TwistTask, VelocityLimit
 from hqp_rp.control.command import Mode, fault_of
 from hqp_rp.robot import MujocoRobot, sawyer
 
@@ -19,7 +19,7 @@ DT = 0.01
 class Failing(Solver):
     """Fails at the calls whose numbers it is given."""
 
-    name = "failing"
+    name, takes_hard = "failing", True
 
     def __init__(self, bad: dict[int, Any]) -> None:
         self.__dict__.update(bad=bad, calls=0)
@@ -216,7 +216,7 @@ def test_misuse(robot: MujocoRobot, stack: Stack) -> None:
         runner.step(robot, DT)
     limited = Stack([PostureTask(robot.neutral)], [JointLimit(acceleration=1.0)])
     with pytest.raises(SettingError, match="dt is -1"):
-        MotionRunner(limited, "null_space", acceleration=1.0).step(robot, -1.0)
+        MotionRunner(limited, "daqp", acceleration=1.0).step(robot, -1.0)
 
 
 @pytest.mark.parametrize("share", [0.3, 1.0])
@@ -267,3 +267,50 @@ class OnPurpose(Failing):
         if self.__dict__["calls"] in self.__dict__["bad"]:
             return failed
         return hqp_rp.solve(problem, "hierarchical_active_set")
+
+
+def test_hold_brakes_as_a_failure_does_and_a_step_goes_on(robot: MujocoRobot, stack: Stack) -> None:
+    acceleration = np.linspace(4.0, 10.0, 7)
+    failing = MotionRunner(
+        stack, Failing(dict.fromkeys(range(2, 99), (Status.NOT_FINITE, None))), acceleration=acceleration
+    )
+    held = MotionRunner(stack, Failing({}), acceleration=acceleration)
+    for runner in (failing, held):
+        runner.step(robot, DT)
+    for _ in range(3):
+        command = held.hold(robot, DT, "A door is open.")
+        np.testing.assert_array_equal(command.v, failing.step(robot, DT).v)
+        assert (command.mode, command.reason, command.solution) == (Mode.HOLDING, "A door is open.", None)
+        assert held.reason == "A door is open."
+    assert held.failures == 0
+    assert held.step(robot, DT).mode is Mode.RUNNING
+    while held.hold(robot, DT, "Stop.").mode is not Mode.STOPPED:
+        pass
+    command = held.step(robot, DT)
+    assert (command.mode, command.reason, command.v.any()) == (Mode.STOPPED, "Stop.", False)
+    assert held.hold(robot, DT, "Later.").reason == "Stop."
+    held.reset()
+    assert held.step(robot, DT).mode is Mode.RUNNING
+    with pytest.raises(SettingError, match="reason is ''; give a sentence"):
+        held.hold(robot, DT, "")
+    with pytest.raises(SettingError, match="dt is 0"):
+        held.hold(robot, 0.0)
+
+
+def test_the_reason_of_a_contradiction_names_limits_and_joints(robot: MujocoRobot) -> None:
+    belt = TwistTask("tool", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], name="belt")
+    damped = [None, hqp_rp.ErrorDamping(0.01)]
+    for settings in ({}, {"metric": "inertia"}, {"damping": damped}, {"damping": damped, "metric": "inertia"}):
+        levels = [PostureTask(robot.neutral, joints=[0]), PostureTask(robot.neutral)]
+        contradicting = Stack(levels, [VelocityLimit(0.1), belt], **settings)
+        for solver in ("hierarchical_active_set", "qp_cascade", "daqp", "weighted"):
+            runner = MotionRunner(contradicting, solver, acceleration=1.0)
+            command = runner.step(robot, DT)
+            assert command.solution is not None
+            assert command.solution.status is Status.INFEASIBLE
+            assert "'belt: row 0'" in command.reason
+            assert "'joint velocity: joint" in command.reason
+            assert "Hard rows 0" not in command.reason
+    with_unit = str(command.solution.conflict)  # type: ignore[union-attr]
+    assert "upper (by " in with_unit or "lower (by " in with_unit
+    assert "rad/s or m/s)" in with_unit

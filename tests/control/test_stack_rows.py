@@ -309,6 +309,7 @@ def humanoid_by_pinocchio():
     return PinocchioRobot.from_mujoco(named_robot("humanoid").model)
 
 
+@pytest.mark.filterwarnings("ignore:the target of .* are these degrees")
 @pytest.mark.parametrize(
     ("make", "floating"),
     [(ROBOTS["humanoid"], True), (humanoid_by_pinocchio, True), (ROBOTS["mujoco"], False)],

@@ -155,9 +155,15 @@ def test_an_arm_holds_still_under_gravity():
     robot = MujocoRobot.from_arm(sawyer(), gravity_compensation=False)
     robot.update(robot.neutral)
     stack = TorqueStack([PostureTask(robot.neutral, gain=10.0)], torque=200.0)
-    command = TorqueController(stack, "null_space").step(robot, 0.001, np.zeros(7))
-    assert command.mode is Mode.HOLDING  # a closed form without hard rows refuses, and says so
-    assert "refuse" in command.reason.lower() or "closed form" in command.reason
+
+    class Nothing(hqp_rp.Solver):
+        name, summary, source, takes_hard = "nothing", "", "", True
+
+        def solve(self, problem, secondary=None):
+            return hqp_rp.Solution(problem, None, hqp_rp.Status.NOT_FINITE)
+
+    command = TorqueController(stack, Nothing()).step(robot, 0.001, np.zeros(7))
+    assert command.mode is Mode.HOLDING
     np.testing.assert_allclose(command.torque, robot.gravity(), atol=1e-9)
     command = TorqueController(stack, "hierarchical_active_set").step(robot, 0.001, np.zeros(7))
     np.testing.assert_allclose(command.torque, robot.gravity(), atol=1e-8)
@@ -173,3 +179,16 @@ def test_settings_are_checked():
             TorqueController(stack, "daqp", braking=bad)
     with pytest.raises(SettingError, match="dt"):
         TorqueController(stack, "daqp").step(robot, 0.0, np.zeros(35))
+
+
+def test_hold_compensates_gravity_within_the_limits():
+    robot = MujocoRobot.from_arm(sawyer(), gravity_compensation=False)
+    robot.update(robot.neutral)
+    controller = TorqueController(TorqueStack([PostureTask(robot.neutral)], torque=200.0), "hierarchical_active_set")
+    command = controller.hold(robot, np.zeros(7), "A door is open.")
+    assert (command.mode, command.reason, command.solution) == (Mode.HOLDING, "A door is open.", None)
+    np.testing.assert_allclose(command.torque, robot.gravity(), atol=1e-9)
+    assert np.abs(controller.hold(robot, np.full(7, np.inf)).torque).max() <= 200.0
+    assert controller.step(robot, 0.001, np.zeros(7)).mode is Mode.RUNNING
+    with pytest.raises(SettingError, match="give a sentence"):
+        controller.hold(robot, np.zeros(7), "")

@@ -17,6 +17,7 @@ from hqp_rp.control import (
     OrientationTask,
     PositionTask,
     PostureTask,
+    TorqueController,
     TorqueStack,
     TorqueTask,
 )
@@ -284,6 +285,16 @@ def test_a_contradiction_is_told_by_contact_and_joint():
     assert found.status is hqp_rp.Status.INFEASIBLE
     assert any("sole contact" in name for name in found.conflict.names)
     assert any("equation of motion" in name or "centre of mass" in name for name in found.conflict.names)
+    units = {"equation of motion": "N m or N", "joint torque": "N m or N", "joint limits": "rad/s^2 or m/s^2"}
+    stated = dict(zip(found.conflict.names, found.conflict.units, strict=True))
+    for name, unit in stated.items():
+        group = name.partition(":")[0]
+        assert unit == ("x 100 N" if "contact" in group else units.get(group, "")), name
+    hard = found.problem.hard
+    lengths = np.linalg.norm(hard.A[list(found.conflict.rows)], axis=1)
+    np.testing.assert_allclose(found.conflict.misses, found.conflict.gap * lengths)
+    assert "x 100 N)" in str(found.conflict)
+    assert "Hard rows '" in found.message
 
 
 def test_limits_come_from_the_model_where_none_are_given():
@@ -423,3 +434,45 @@ def test_targets_set_at_every_step_are_those_of_fresh_tasks():
         anew = AccelerationStack(fresh).problem(robot, 0.001, v)
         np.testing.assert_array_equal(found.matrix, anew.matrix)
         np.testing.assert_array_equal(found.lower, anew.lower)
+
+
+def test_joint_limits_without_brakes_beside_torque_limits_are_said_once():
+    robot = MujocoRobot.from_arm(sawyer(), gravity_compensation=False)
+    robot.update(robot.neutral)
+    levels = [PostureTask(robot.neutral)]
+    words = r"'joint limits' asks joints to stop .* Give JointLimit\(acceleration=\.\.\.\) what the torques can deliver"
+    with pytest.warns(UserWarning, match=words) as told:
+        stack = TorqueStack(levels, [JointLimit()], torque=50.0)
+    assert len(told) == 1
+    assert told[0].filename == __file__
+    # What is warned of: an arm at rest outside its limits, and no answer.
+    out = robot.upper.copy()
+    out[1] += 0.3
+    robot.update(out)
+    command = TorqueController(stack, "hierarchical_active_set").step(robot, 0.001, np.zeros(7))
+    assert command.solution.status is hqp_rp.Status.INFEASIBLE
+    assert "'joint limits: joint2'" in command.reason
+    assert pickle.loads(pickle.dumps(stack)).limits[0].name == "joint limits"  # rebuilt without a word
+
+    # Nothing to say of: brakes, a soft limit, speeds alone, torques without limit.
+    for limit in (JointLimit(acceleration=5.0), JointLimit(jerk=50.0), JointLimit(position=False, velocity=1.0)):
+        TorqueStack(levels, [limit], torque=50.0).problem(robot, 0.001, np.zeros(7), np.zeros(7))
+    TorqueStack([JointLimit(), *levels], torque=50.0).problem(robot, 0.001, np.zeros(7))
+    TorqueStack(levels, [JointLimit()], torque=np.inf)
+    TorqueStack(levels, [JointLimit()])
+
+
+def test_torque_limits_of_the_model_and_brakes_of_some_joints():
+    body = '<body pos="0.5 0 0"><joint name="{}" axis="0 1 0" range="-1 1" actuatorfrcrange="-9 9"/>{}</body>'
+    link = '<geom size="0.1" mass="1" pos="0.3 0 0"/>'
+    arm = body.format("a", link + body.format("b", link))
+    xml = f"<mujoco><compiler angle='radian'/><worldbody>{arm}</worldbody></mujoco>"
+    robot = MujocoRobot(mujoco.MjModel.from_xml_string(xml))
+    robot.update(robot.neutral)
+    stack = TorqueStack([PostureTask(robot.neutral)], [JointLimit(acceleration={"a": 3.0}, velocity=1.0)])
+    with pytest.warns(UserWarning, match="'joint limits' asks 'b' to stop"):
+        stack.problem(robot, 0.001, np.zeros(2))
+    stack.problem(robot, 0.001, np.zeros(2))
+    with pytest.warns(UserWarning, match="asks joints to stop"):
+        hqp_rp.Stack([PostureTask(robot.neutral)], [JointLimit(), hqp_rp.TorqueLimit(5.0)])
+    hqp_rp.Stack([PostureTask(robot.neutral), hqp_rp.TorqueLimit(5.0)], [JointLimit()])

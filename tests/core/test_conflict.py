@@ -19,7 +19,8 @@ from hqp_rp.control import (
     TwistTask,
     VelocityLimit,
 )
-from hqp_rp.core.conflict import ROW_NAMES, conflict_of
+from hqp_rp.core.conflict import conflict_of
+from hqp_rp.core.row_names import ROW_NAMES
 from hqp_rp.robot import MujocoRobot, planar_arm, sawyer
 from tests.fuzz_verdicts import random_feasible, random_infeasible
 
@@ -173,7 +174,7 @@ def test_every_limit_names_its_rows() -> None:
     robot = MujocoRobot.from_arm(sawyer())
     robot.update(robot.neutral)
     limits = [
-        JointLimit(velocity=1.0),
+        JointLimit(velocity=1.0, acceleration=5.0),
         VelocityLimit(1.0),
         TorqueLimit({"joint2": 200.0, "joint4": 200.0}),
         LockedJoints(["joint7"]),
@@ -183,12 +184,12 @@ def test_every_limit_names_its_rows() -> None:
     assert problem.kept is not None
     joints = [f"joint{i}" for i in range(1, 8)]
     assert problem.kept[ROW_NAMES]() == [
-        *(("joint limits", joint) for joint in joints),
-        *(("joint velocity", joint) for joint in joints),
-        ("joint torque", "joint2"),
-        ("joint torque", "joint4"),
-        ("locked joints", "joint7"),
-        ("tool half-space", "tool"),
+        *(("joint limits", joint, "rad/s or m/s") for joint in joints),
+        *(("joint velocity", joint, "rad/s or m/s") for joint in joints),
+        ("joint torque", "joint2", "N m or N"),
+        ("joint torque", "joint4", "N m or N"),
+        ("locked joints", "joint7", "rad/s or m/s"),
+        ("tool half-space", "tool", "m/s"),
     ]
     other = MujocoRobot.from_arm(planar_arm(3))  # names are those of the robot asked for, whichever it met before
     assert LockedJoints([0]).row_names(other) == ["joint1"]
@@ -200,7 +201,7 @@ def test_as_many_rows_as_joints_are_no_joints() -> None:
     robot.update(np.full(6, 0.3))
     problem = Stack([PostureTask(robot.neutral)], [TwistTask("tool", np.zeros(6), name="still")]).problem(robot, 0.01)
     assert problem.kept is not None
-    assert problem.kept[ROW_NAMES]() == [("still", f"row {i}") for i in range(6)]
+    assert problem.kept[ROW_NAMES]() == [("still", f"row {i}", "") for i in range(6)]
 
 
 def test_require() -> None:

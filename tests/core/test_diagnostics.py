@@ -144,7 +144,7 @@ def test_only_rows_that_bind_take_freedom() -> None:
     free, blocked = diagnose(Problem([band, goal]), [0.5, 0, 0]), diagnose(Problem([band, goal]), [1.0, 0, 0])
     assert (free[0].rank, free[0].sigma_min, free[1].rank) == (0, math.inf, 1)
     assert (blocked[0].rank, blocked[0].sigma_min, blocked[1].rank) == (1, 1.0, 0)
-    assert blocked[1].singularity is Singularity.ALGORITHMIC
+    assert blocked[1].singularity is Singularity.LIMITED
     violated = diagnose(Problem([band, goal]), [2.0, 0, 0])
     assert (violated[0].rank, violated[1].rank) == (1, 0)
 
@@ -153,6 +153,40 @@ def test_active_hard_rows_come_before_level_1() -> None:
     problem = boxed(independent(0, 3, (2,)), 1.0)
     assert diagnose(problem, np.zeros(3))[0].rank == 2
     assert diagnose(problem, [1.0, -1.0, 0.0])[0].rank == 1
+
+
+def kinds(problem: Problem, x: object) -> list[Singularity]:
+    return [report.singularity for report in diagnose(problem, x)]
+
+
+def test_what_limits_take_is_no_singularity() -> None:
+    e = np.eye(3)
+    box = Level(e, -1.0, 1.0, name="box")
+    first, second = Level.equality(e[:1], [5.0]), Level.equality(e[1:], [0.0, 0.0])
+    # One of two rows lies along a joint at its limit: a loss of rank that only the limit makes.
+    along = Level.equality([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [5.0, 0.0])
+    assert kinds(Problem([along], hard=box), [1.0, 0.0, 0.0]) == [Singularity.LIMITED]
+    assert kinds(Problem([along], hard=box), [0.5, 0.0, 0.0]) == [Singularity.NONE]
+    # By number: one dimension is left for two rows.
+    assert kinds(Problem([second], hard=box), [1.0, 1.0, 0.0]) == [Singularity.LIMITED]
+    # A posture below gets what is left, with limits and without.
+    posture = Level.equality(e, np.zeros(3))
+    assert kinds(Problem([first, posture], hard=box), [1.0, 0.0, 0.0]) == [
+        Singularity.LIMITED,
+        Singularity.PARTLY_USED_UP,
+    ]
+    # A conflict among levels stays one, beside limits too, and a level's own dependence its own.
+    twice = Level.equality(e[:1] + 1e-15, [4.0])
+    assert kinds(Problem([first, twice], hard=box), [0.0, 1.0, 0.0])[1] is Singularity.ALGORITHMIC
+    dependent = Level.equality([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], [1.0, 2.0])
+    assert kinds(Problem([dependent], hard=box), [0.0, 1.0, 0.0]) == [Singularity.KINEMATIC]
+    assert kinds(Problem([dependent], hard=box), [1.0, 0.0, 0.0]) == [Singularity.KINEMATIC]
+    assert kinds(Problem([first, dependent], hard=box), [0.0, 1.0, 0.0])[1] is Singularity.BOTH
+    # Soft limits of an earlier level, and what the metric makes of it.
+    for metric in (None, [1.0, 2.0, 3.0]):
+        soft = Problem([box, along], metric=metric)
+        assert kinds(soft, [1.0, 0.0, 0.0])[1] is Singularity.LIMITED
+        assert kinds(Problem([first, along], hard=box, metric=metric), [0.0, 0.0, 1.0])[1] is Singularity.ALGORITHMIC
 
 
 def test_spectra_are_those_of_diagnose() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 import hqp_rp
 
-jax = pytest.importorskip("jax", reason='jax is not installed: pip install "hqp-rp[jax]"')
+jax = pytest.importorskip("jax", reason="jax is not installed: pip install jax")
 
 import jax.numpy as jnp  # noqa: E402
 from jax.test_util import check_grads  # noqa: E402

@@ -8,7 +8,7 @@ import pytest
 
 import hqp_rp
 
-torch = pytest.importorskip("torch", reason='torch is not installed: pip install "hqp-rp[torch]"')
+torch = pytest.importorskip("torch", reason="torch is not installed: pip install torch")
 
 from hqp_rp.core import torch_layer  # noqa: E402
 

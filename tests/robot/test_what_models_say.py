@@ -16,6 +16,7 @@ from hqp_rp.control import (
     JointLimit,
     JointLimitPotential,
     LockedJoints,
+    PoseLimit,
     PositionTask,
     PostureTask,
     Stack,
@@ -23,7 +24,7 @@ from hqp_rp.control import (
     VelocityLimit,
 )
 from hqp_rp.control.stack_file import parse_stack
-from hqp_rp.robot import Coupling, MujocoRobot, PinocchioRobot, load_robot
+from hqp_rp.robot import Coupling, DHArm, MujocoRobot, PinocchioRobot, load_robot
 from tests.robot.models import URDF
 
 LIBRARIES = pytest.mark.parametrize("library", ["mujoco", "pinocchio"])
@@ -426,3 +427,51 @@ def test_a_urdf_in_degrees_is_said(tmp_path) -> None:
             UserWarning, match=r"Joint 'shoulder' of .* has the range \[-90, 120\] rad, 33.4 turns: are these"
         ):
             load_robot(path, library)
+
+
+def test_angles_that_look_like_degrees_are_said_wherever_they_are_given() -> None:
+    for made in (lambda model: MujocoRobot(model, velocity_limit=1.0), PinocchioRobot.from_mujoco):
+        robot = made(hinges('range="-170 170"'))
+        robot.update(robot.neutral)
+        with pytest.warns(
+            UserWarning, match=r"the target of 'posture' has j1 = 90 rad, 14\.3 turns, and 1 more .* np\.radians"
+        ) as told:
+            Stack([PostureTask([0.5, 90.0, -45.0])]).problem(robot)
+        assert len(told) == 1
+        Stack([PostureTask([0.5, 2.0, 5.0])]).problem(robot)  # out of reach, and no more than a turn
+        endless = made(hinges(""))
+        Stack([PostureTask([9.0, 0.0, 0.0])]).problem(endless)
+        with pytest.warns(UserWarning, match="j0 = 30 rad"):
+            Stack([PostureTask([30.0, 0.0, 0.0])]).problem(endless)
+    with pytest.warns(UserWarning, match=r"'tool bounds' has lower rz = -90 rad, 14\.3 turns, and 1 more like it"):
+        PoseLimit("tool", [-9.0, -90.0], [9.0, 90.0], axes=["x", "rz"])
+    PoseLimit("tool", [-np.inf], [np.inf], axes=["rz"])
+    with pytest.warns(UserWarning, match=r"arm 'mine' has alpha\[0\] = 90 rad"):
+        DHArm(
+            name="mine",
+            d=0.1,
+            a=(0.2, 0.2),
+            alpha=(90.0, 0.0),
+            lower=-1.0,
+            upper=1.0,
+            velocity_limit=1.0,
+            mass=1.0,
+            radius=0.05,
+        )
+
+
+def test_joint_limits_of_a_model_without_speeds_are_said_once() -> None:
+    robot = MujocoRobot(hinges('range="-170 170"'))
+    posture = PostureTask(robot.neutral)
+    words = r"'joint limits' bounds no speed of 'j0', 'j1', 'j2': .* Give JointLimit\(velocity=\.\.\.\)"
+    for stack in (Stack([posture], [JointLimit()]), Stack([JointLimit(), posture])):
+        with pytest.warns(UserWarning, match=words) as told:
+            stack.problem(robot, 0.01)
+        assert len(told) == 1
+        assert told[0].filename == __file__
+        stack.problem(robot, 0.01)
+    own = VelocityLimit(1.0)
+    for limits in ([JointLimit(velocity=1.0)], [JointLimit(velocity=np.inf)], [JointLimit(), own]):
+        Stack([posture], limits).problem(robot, 0.01)
+    Stack([posture], [JointLimit(acceleration=5.0)]).problem(robot, 0.01, np.zeros(3))
+    Stack([posture], [JointLimit()]).problem(MujocoRobot(hinges('range="-170 170"'), velocity_limit=2.0), 0.01)

@@ -29,6 +29,9 @@ class Constant(Solver):
     summary: ClassVar[str] = "one answer to everything"
     source: ClassVar[str] = "a test"
 
+    def refuses(self, problem: Problem) -> str | None:
+        return "No." if self.status is Status.REFUSED else super().refuses(problem)
+
     def solve(self, problem: Problem, secondary: FloatArray | None = None) -> Solution:
         x = None if self.value is None else np.full(problem.n, self.value)
         return Solution(problem, x, self.status)

@@ -126,6 +126,9 @@ def test_a_solver_that_refuses_ends_it():
     class Refusing(hqp_rp.Solver):
         name, summary, source = "refusing", "", ""
 
+        def refuses(self, problem):
+            return "No."
+
         def solve(self, problem, secondary=None):
             return hqp_rp.Solution(problem, None, Status.REFUSED, message="No.")
 

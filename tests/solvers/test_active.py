@@ -114,6 +114,34 @@ def test_a_violated_row_and_a_row_that_is_only_touched(name: str) -> None:
     assert solution.active_rows == ("bands[0] at its lower bound", "bands[1] at its upper bound")
 
 
+@EVERY
+def test_beside_a_damped_level_the_rows_at_their_bounds_are_said(solver: Solver) -> None:
+    A = np.random.default_rng(0).standard_normal((3, 7))
+    goal = [9.0, -9.0, 9.0]
+    far = Level(A, goal, goal, "far", damping=hqp_rp.ConstantDamping(0.1))
+    problem = Problem([far, Level.equality(np.eye(7), np.zeros(7), "rest")], hard=Level(np.eye(7), -0.3, 0.3, "box"))
+    if solver.refuses(problem):
+        pytest.skip("refused")
+    solution = solver.solve(problem)
+    if solution.x is None:  # unpolished QPs: not to the declared tolerance
+        pytest.skip(solution.status.value)
+    there = sides(problem, solution.x, max(solver.tolerance, 1e-9))[:7]
+    assert np.count_nonzero(there) >= 3
+    np.testing.assert_array_equal(solution.active[:7], there)
+    assert len(solution.active_rows) == np.count_nonzero(there)
+
+
+@EVERY
+def test_a_row_whose_box_is_a_single_point_is_said(solver: Solver) -> None:
+    box = Level(np.eye(2), [0.0, -1.0], [0.0, 0.5], "box")
+    solution = solver.solve(Problem([Level.equality(np.eye(2), [1.0, 1.0])], hard=box))
+    assert solution.active_rows[0] == "box[0] at its only value"
+    assert set(solution.active_rows[1:]) <= {"box[1] at its upper bound"}
+    tied = Problem([Level.equality(np.eye(2), [1.0, 1.0])], hard=Level.equality([[1.0, 0.0]], [0.0]))
+    if not solver.refuses(tied):  # hard equalities alone are no limits
+        assert solver.solve(tied).active_rows == ()
+
+
 def test_solvers_that_do_not_say() -> None:
     solution = solve(independent(0), "null_space")
     assert solution.active is None

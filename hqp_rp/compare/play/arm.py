@@ -15,11 +15,11 @@ from hqp_rp.control.command import Mode, fault_of
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.stack import Stack
 from hqp_rp.control.task import FeedbackTask
-from hqp_rp.core.conflict import ROW_NAMES
 from hqp_rp.core.damping import Damping, ErrorDamping, LevelDamping, NoDamping, checked_level_damping
 from hqp_rp.core.diagnostics import ACTIVE_TOLERANCE, norm, row_norms, spectra
 from hqp_rp.core.errors import HqpError, SettingError
 from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.row_names import row_names
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver
 from hqp_rp.robot.robot import Robot
@@ -237,10 +237,9 @@ def called(solver: Solver) -> str:
 def rows_at_bounds(problem: Problem, x: FloatArray) -> tuple[str, ...]:
     """The inequality rows of `problem` that are at a bound or beyond at x (n,), in words; judged from the two alone."""
     words = []
-    namer = (problem.kept or {}).get(ROW_NAMES)
     hard = problem.hard
     if hard is not None and hard.m:
-        names = [f"{group}: {row}" for group, row in namer()] if namer else [f"hard row {i}" for i in range(hard.m)]
+        names = row_names(problem)
         words += [f"{names[i]} {side}" for i, side in _at_bounds(hard, x)]
     for level in problem.levels:
         words += [f"{level.name}[{i}] {side}" for i, side in _at_bounds(level, x)]

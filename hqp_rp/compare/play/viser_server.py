@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import importlib.util
 import io
 import socket
 from typing import Any
 
-from hqp_rp.core.errors import MissingExtraError, SettingError
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.extras import require
 
 _WIDTH = 340  # pixels
 
@@ -57,5 +57,4 @@ def told_on_the_left(gui: Any, title: str) -> Any:
 
 def require_viser(what: str) -> None:
     """Raises `MissingExtraError` where viser is not installed; `what` needs it, as the beginning of a sentence."""
-    if importlib.util.find_spec("viser") is None:
-        raise MissingExtraError(f'{what} needs viser, which is not installed: pip install "hqp-rp[play]"')
+    require(what, "viser")

@@ -39,7 +39,12 @@ EARLY = 0.05
 def answer(test: StressResult) -> tuple[str, ...]:
     """The whole in a few sentences."""
     summary = test.summary
-    sentences = [_atlas(test), _anywhere(summary), *(_approach(summary, c) for c in range(len(summary.cases)))]
+    sentences = [
+        test.plan.scene().held_at_rest(),
+        _atlas(test),
+        _anywhere(summary),
+        *(_approach(summary, c) for c in range(len(summary.cases))),
+    ]
     sentences += [_both(summary), _jumps(summary), claims_summary(claims(test)), _honesty(summary)]
     return tuple(sentence for sentence in sentences if sentence)
 

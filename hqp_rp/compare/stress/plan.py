@@ -16,6 +16,7 @@ from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.stress.subject import Subject
 from hqp_rp.control._sampling import Sampler
 from hqp_rp.control.catalogue import ApproachPath, approach_path, tasks_only
+from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.limit import Limit
 from hqp_rp.control.singularities import SingularConfiguration
 from hqp_rp.control.stack import Stack
@@ -30,6 +31,9 @@ KINDS = (RANDOM, LIMITS, APPROACH)
 FAR, NEAR, PER_DECADE = 1e-1, 1e-12, 4
 STEPS = 11 * PER_DECADE + 1
 """A path has this many samples: sigma from `FAR` to `NEAR`, `PER_DECADE` a decade."""
+
+LITTLE = 0.1
+"""Of a joint's own speed limit, or of 1 rad/s or m/s where that is less: what a robot must be allowed to reach from rest."""
 
 _CHUNK = 1024
 _ATTEMPTS = 6
@@ -179,6 +183,22 @@ class Scene:
         self.tasks, self._index = tasks_only(stack)
         self.plain = not stack.limits and not any(isinstance(item, Limit) for items in stack.levels for item in items)
         self._rest = np.zeros(robot.nv)
+
+    def held_at_rest(self) -> str:
+        """A sentence where limits on accelerations or jerks leave a robot at rest next to no speed in one dt; "" where not."""
+        items = [*self.stack.limits, *itertools.chain(*self.stack.levels)]
+        for limit in items:
+            if not isinstance(limit, JointLimit) or self.dt is None:
+                continue
+            speed = limit.speed_from_rest(self.robot, self.dt)
+            held = speed < LITTLE * np.minimum(self.robot.velocity_limit, 1.0)
+            if held.any():
+                return (
+                    f"Every sample is at rest, and {limit.name!r} lets joints come to {float(speed[held].max()):g} rad/s or "
+                    f"m/s at most within dt = {self.dt:g} s: most answers are at these bounds, and say little of the solvers. "
+                    "Give a greater dt, or leave acceleration and jerk out of the stack for this test."
+                )
+        return ""
 
     def problem(self, q: FloatArray) -> Problem:
         """The problem at q (nq,), for a robot that was at rest."""

@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import os
 import tempfile
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -97,6 +98,9 @@ def stress(
         SettingError, UnknownNameError, RobotError, FileError: a wrong input, before any work starts. A robot and a stack
             that do not fit each other, a stack of limits alone, with limits and without dt, or one that cannot be pickled.
         MissingExtraError: dask is asked for and not installed.
+
+    Warns:
+        UserWarning: limits on accelerations or jerks that leave a robot at rest next to no speed within dt.
     """
     _integer("samples", samples, 1)
     _integer("seed", seed, 0)
@@ -105,6 +109,8 @@ def stress(
         _integer("workers", workers, 1)
     subject = subject_of(robot, stack, dt)
     scene = scene_of(subject)
+    if held := scene.held_at_rest():
+        warnings.warn(held, UserWarning, stacklevel=2)
     chosen = _contestants(solvers, limits=not scene.plain)
     kept, left_out = _willing(chosen, scene)
     client = None if dask is None else dask_client(dask)

@@ -193,6 +193,24 @@ def test_an_exact_search_that_takes_too_long_leaves_the_sample_to_the_certificat
     )
 
 
+def test_limits_that_hold_a_robot_at_rest_are_said() -> None:
+    robot = named_robot("planar4")
+    robot.update(robot.neutral)
+    levels = [hqp_rp.PositionTask("tool", robot.pose("tool")[1], axes="xy"), hqp_rp.PostureTask(robot.neutral)]
+
+    def held(dt: float, **limit: Any) -> str:
+        stack = hqp_rp.Stack(levels, [hqp_rp.JointLimit(velocity=1.0, **limit)])
+        return Scene(robot, stack, dt).held_at_rest()
+
+    assert held(0.001) == held(0.1, acceleration=5.0) == held(0.1, jerk=50.0) == ""
+    assert "come to 0.005 rad/s or m/s at most within dt = 0.001 s" in held(0.001, acceleration=5.0)
+    assert "come to 0.002" in held(0.01, acceleration=50.0, jerk=20.0)
+    soft = hqp_rp.Stack([hqp_rp.JointLimit(acceleration=5.0), *levels])
+    with pytest.warns(UserWarning, match="'joint limits' lets joints come to 0.005"):
+        found = stress(robot, soft, dt=0.001, samples=4, solvers=["hierarchical_active_set"], starts=1, workers=1)
+    assert found.answer[0].startswith("Every sample is at rest, and 'joint limits'")
+
+
 def test_a_jump_is_told_from_growth(plan: Plan) -> None:
     samples = plan.samples_of(plan.chunks[-1])
     sigma = sigma_of_bins()
