@@ -12,8 +12,9 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_by_level import OVERFLOW
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.shares import checked_shares
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, require_rank_tolerance
 from hqp_rp.core.variant import DAMPED, LineUp, Variant
 
 Priorities: TypeAlias = float | tuple[tuple[float, ...], ...]
@@ -64,25 +65,14 @@ class GeneralizedHierarchy(Solver):
     )
 
     def __post_init__(self) -> None:
-        rows = self.alpha
-        if isinstance(rows, list | tuple | np.ndarray):
-            try:
-                rows = tuple(tuple(float(a) for a in row) for row in rows)
-            except (TypeError, ValueError):
-                raise SettingError(
-                    f"alpha is {rows!r}; it must be a number, or p rows of p numbers, in [0, 1]."
-                ) from None
-            object.__setattr__(self, "alpha", rows)
-        values = [a for row in rows for a in row] if isinstance(rows, tuple) else [rows]
+        meant = "a number, or p rows of p numbers, in [0, 1]"
+        rows = checked_shares(self.alpha, "alpha", "priority", meant, depth=2)
         if isinstance(rows, tuple) and (not rows or any(len(row) != len(rows) for row in rows)):
             raise SettingError(
                 f"alpha has rows of {[len(row) for row in rows]} numbers; it must be p rows of p numbers."
             )
-        for value in values:
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
-                raise SettingError(f"alpha holds {value!r}; every priority must be a number in [0, 1].")
-        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
-            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        object.__setattr__(self, "alpha", rows)
+        require_rank_tolerance(self.rank_tolerance)
 
     def refuses(self, problem: Problem) -> str | None:
         """Hard and two-sided rows, damped levels, and a number of levels that alpha is not for."""

@@ -14,7 +14,7 @@ from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.row_names import hard_rows_in_words
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary, require_rank_tolerance
 from hqp_rp.core.variant import QP, LineUp, Variant
 from hqp_rp.core.verify import fault_of
 
@@ -34,10 +34,12 @@ class HierarchicalActiveSet(Solver):
     takes over: the step goes as far as the first row allows, one row leaves at a time, and after a step of length zero has
     repeated Bland's rule chooses, so that it cannot cycle. Whichever way, the same conditions of optimality end the search,
     from a fresh factorization. Rows that a finished level determines leave for good; satisfied rows are kept as rows.
-    A level whose rows that count can all be met is met by one factorization, without multipliers. A level with damping
-    (`hqp_rp.core.level_damping`) is searched with its damping rows, then its own rows keep what they reached. Near a
-    singularity, where multipliers close to rounding error decide, and where hard rows contradict each other by next to
-    nothing, the answer is verified before it is called solved; where that fails it is `INACCURATE`.
+    A level whose rows that count can all be met is met by one factorization, without multipliers. What rows of very different
+    length in one level miss by is taken from the orthogonal complement of their factor, accurate in each row's own length.
+    A level with damping (`hqp_rp.core.level_damping`) is searched with its damping rows, then its own rows keep what they
+    reached. Near a singularity, where multipliers close to rounding error decide, where long rows drown short ones in theirs,
+    and where hard rows contradict each other by next to nothing, the answer is verified before it is called solved; where
+    that fails it is `INACCURATE`.
 
     Args:
         rank_tolerance: the library's rank rule, in [0, 1).
@@ -51,7 +53,8 @@ class HierarchicalActiveSet(Solver):
 
     One object may be shared between threads; copies and pickles of it start without a warm start.
 
-    Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. Goldfarb and Idnani 1983 for the guess.
+    Source: Escande, Mansard and Wieber 2014; Dimitrov, Sherikov and Wieber 2015. Goldfarb and Idnani 1983 for the guess; Cox
+    and Higham 1998 for rows of different length.
     The level-by-level search with fresh factorizations, guess and block pivots is ours.
     """
 
@@ -73,8 +76,7 @@ class HierarchicalActiveSet(Solver):
     )
 
     def __post_init__(self) -> None:
-        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
-            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        require_rank_tolerance(self.rank_tolerance)
         limit = self.max_iterations
         if limit is not None and (not isinstance(limit, int) or isinstance(limit, bool) or limit < 1):
             raise SettingError(f"max_iterations is {limit!r}; it must be None or an integer of at least 1.")

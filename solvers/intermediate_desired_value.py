@@ -8,11 +8,11 @@ from typing import ClassVar, TypeAlias
 import numpy as np
 
 from hqp_rp.core import _native
-from hqp_rp.core.errors import SettingError
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.shares import checked_shares
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, require_rank_tolerance
 from hqp_rp.core.variant import EXACT, LineUp, Variant
 
 Activation: TypeAlias = float | tuple[float, ...]
@@ -61,20 +61,9 @@ class IntermediateDesiredValue(Solver):
     )
 
     def __post_init__(self) -> None:
-        given = self.activation
-        if isinstance(given, list | tuple | np.ndarray):
-            try:
-                given = tuple(float(h) for h in given)
-            except (TypeError, ValueError):
-                raise SettingError(
-                    f"activation is {given!r}; it must be a number in [0, 1], or one for each level."
-                ) from None
-            object.__setattr__(self, "activation", given)
-        for value in given if isinstance(given, tuple) else (given,):
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
-                raise SettingError(f"activation holds {value!r}; every degree must be a number in [0, 1].")
-        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
-            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        meant = "a number in [0, 1], or one for each level"
+        object.__setattr__(self, "activation", checked_shares(self.activation, "activation", "degree", meant, depth=1))
+        require_rank_tolerance(self.rank_tolerance)
 
     def refuses(self, problem: Problem) -> str | None:
         """Hard and two-sided rows, damped levels, a number of levels that activation is not for, and too many in transition."""

@@ -12,7 +12,7 @@ from hqp_rp.core.errors import SettingError, unknown_name
 from hqp_rp.core.metric import checked_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary, require_rank_tolerance
 from hqp_rp.core.variant import DAMPED, LineUp, Variant
 
 PROJECTIONS = ("augmented", "successive")
@@ -75,8 +75,7 @@ class NullSpaceTorque(Solver):
             raise unknown_name("consistency of null_space_torque", self.consistency, CONSISTENCIES)
         if (self.stiffness is None) is (self.consistency == "stiffness"):
             raise SettingError('stiffness goes with consistency="stiffness", and only with it; give both or neither.')
-        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
-            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        require_rank_tolerance(self.rank_tolerance)
 
     def refuses(self, problem: Problem) -> str | None:
         """A stiffness of another size; hard and two-sided rows."""

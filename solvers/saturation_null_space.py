@@ -14,7 +14,7 @@ from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.row_names import hard_rows_in_words
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary, require_rank_tolerance
 from hqp_rp.core.tolerances import SATURATED
 from hqp_rp.core.variant import WITHIN, LineUp, Variant
 
@@ -114,8 +114,7 @@ class SaturationNullSpace(Solver):
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:
             raise SettingError(f"variant is {self.variant!r}; choose one of {', '.join(VARIANTS)}.")
-        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
-            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        require_rank_tolerance(self.rank_tolerance)
 
     def is_lexicographic(self, problem: Problem) -> bool:
         """True for equality levels without hard rows, where it is the null-space cascade."""

@@ -236,6 +236,30 @@ def nearly_degenerate(seed: int, by: float) -> tuple[Problem, Array]:
     return moved, by * rng.standard_normal(problem.n)
 
 
+def uneven(seed: int, decades: float, box: bool = False) -> Problem:
+    """Two or three levels of equality, one-sided and two-sided rows, whose lengths within a level differ by 10^decades; now and
+    then the last row of a level is parallel to its first. `box`: hard bounds on the unknowns, in rows as uneven.
+    """
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    levels = []
+    for _ in range(int(rng.integers(2, 4))):
+        m = int(rng.integers(1, 5))
+        A = rng.standard_normal((m, n))
+        if m > 1 and rng.random() < 0.4:
+            A[-1] = A[0] * rng.choice([-1.0, 1.0, 0.5])
+        size = 10.0 ** rng.uniform(0.0, decades, m)
+        if m > 1:
+            size[rng.permutation(m)[:2]] = 1.0, 10.0**decades
+        size = 2.0 ** np.round(np.log2(size * 10.0 ** rng.uniform(-2.0, 2.0)))  # parallel rows stay parallel
+        centre, width, kind = rng.standard_normal(m), rng.exponential(0.7, m), rng.integers(0, 4, m)
+        low = np.where(kind == 2, -np.inf, centre - width)
+        up = np.where(kind == 1, np.inf, np.where(kind == 0, centre - width, centre + width))
+        levels.append(Level(size[:, None] * A, size * low, size * up))
+    size = 10.0 ** rng.uniform(0.0, decades, n)
+    return Problem(levels, Level(np.diag(size), -size, size) if box else None)
+
+
 def dependent_up_to_rounding(seed: int = 0, n: int = 7, box: float | None = None) -> Problem:
     """Two-sided levels of which the second is a product with the first: dependent but for the rounding of its entries."""
     rng = np.random.default_rng(seed)

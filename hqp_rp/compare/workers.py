@@ -38,6 +38,17 @@ def in_processes(work: Callable[[Any], Any], items: Sequence[Any], workers: int)
         yield from pool(joblib.delayed(_indexed)(work, index, item) for index, item in enumerate(items))
 
 
+def in_order(found: Iterable[tuple[int, Any]]) -> Iterator[Any]:
+    """What `in_processes` finds, in the order of the items: what is done early waits."""
+    waiting: dict[int, Any] = {}
+    following = 0
+    for index, result in found:
+        waiting[index] = result
+        while following in waiting:
+            yield waiting.pop(following)
+            following += 1
+
+
 def _indexed(work: Callable[[Any], Any], index: int, item: Any) -> tuple[int, Any]:
     return index, work(item)
 

@@ -17,6 +17,7 @@ from hqp_rp.control.half_space_limit import HalfSpaceLimit
 from hqp_rp.control.hybrid import HybridReference
 from hqp_rp.control.impedance import ImpedanceReference
 from hqp_rp.control.interaction_controller import InteractionController
+from hqp_rp.control.inverse_dynamics import InverseDynamics
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.joint_limit_potential import JointLimitPotential
@@ -37,7 +38,7 @@ from hqp_rp.control.support_polygon_limit import SupportPolygonLimit
 from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.control.torque_controller import TorqueCommand, TorqueController
 from hqp_rp.control.torque_limit import TorqueLimit
-from hqp_rp.control.torque_stack import InverseDynamics, TorqueStack
+from hqp_rp.control.torque_stack import TorqueStack
 from hqp_rp.control.torque_task import TorqueTask
 from hqp_rp.control.twist_task import TwistTask
 from hqp_rp.control.wrench import Wrench, WrenchSensor

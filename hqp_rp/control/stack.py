@@ -11,18 +11,15 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._brakes import at_once, warn_of_brakes
 from hqp_rp.control._checks import check_frames, positive_number
-from hqp_rp.control._displacement import Configurations, DisplacementLimit, DisplacementTask, library_of
+from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
 from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import row_names
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
-from hqp_rp.control.joint_coupling import JointCoupling
-from hqp_rp.control.joint_limit import JointLimit
-from hqp_rp.control.limit import Limit, VelocityLimit
+from hqp_rp.control._stack_warnings import warn_of_couplings, warn_of_hard_torques, warn_of_speeds
+from hqp_rp.control.limit import Limit
 from hqp_rp.control.task import FeedbackTask, Task
-from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.core._native import is_finite
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
@@ -116,7 +113,7 @@ class Stack:
         self._items = [pair for level in adapted for pair in level]
         self._ends = np.cumsum([len(level) for level in adapted]).tolist()
         self._hard = [self._adapt(item, "limits") for item in self._limits]
-        self._warn_of_brakes()
+        warn_of_hard_torques([item for _, item in self._hard])
         self._damping = _level_damping(damping, len(adapted))
         self._policies = self._damping if any(self._damping) else None
         levels_of = [k for k, level in enumerate(adapted) for _ in level]
@@ -368,8 +365,9 @@ class Stack:
             )
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")
-        self._warn_of_couplings(robot)
-        self._warn_of_speeds(robot)
+        items = [item for _, item in (*self._hard, *self._items)]
+        warn_of_couplings(items, robot)
+        warn_of_speeds(items, robot)
         two_sided = self._two_sided or bool(self._hard)
         self._rows = rows = self._rows_on(robot, two_sided)
         self._count(rows)
@@ -377,51 +375,6 @@ class Stack:
 
     def _rows_on(self, robot: Robot, two_sided: bool) -> StackRows:
         return StackRows((*self._hard, *self._items), robot, two_sided, self._where)
-
-    def _warn_of_couplings(self, robot: Robot) -> None:
-        """What the model says of its joints and no item holds is said, in one warning."""
-        told = []
-        holding = [item.couplings for _, item in (*self._hard, *self._items) if isinstance(item, JointCoupling)]
-        held = {(coupling.joint, coupling.source) for own in holding for coupling in own or ()}
-        couplings = () if None in holding else getattr(robot, "couplings", ())
-        loose = [coupling.joint for coupling in couplings if (coupling.joint, coupling.source) not in held]
-        if loose:
-            told.append(
-                f"The robot's model says that the joints {_listed(loose)} follow others, which this stack does not hold; add "
-                "JointCoupling() to its limits."
-            )
-        loops = getattr(robot, "loops", ())
-        if loops:
-            told.append(
-                f"The robot's model has the equality constraints {_listed(loops)} (loops), which no stack holds: the answers "
-                "may break them."
-            )
-        if told:
-            warnings.warn(" ".join(told), UserWarning, stacklevel=4)
-
-    def _warn_of_speeds(self, robot: Robot) -> None:
-        """Joint limits that take speeds from a model that says none."""
-        items = [item for _, item in (*self._hard, *self._items)]
-        if any(isinstance(item, VelocityLimit | DisplacementLimit) for item in items):
-            return
-        for item in items:
-            loose = item.unlimited_speeds(robot) if isinstance(item, JointLimit) else []
-            if loose:
-                warnings.warn(
-                    f"{item.name!r} bounds no speed of {_listed(loose)}: the robot's model says no velocity limits, and none "
-                    "are given. Give JointLimit(velocity=...), or velocity_limit=... when the robot is loaded; "
-                    "JointLimit(velocity=np.inf) where none is what you mean.",
-                    UserWarning,
-                    stacklevel=4,
-                )
-                return
-
-    def _warn_of_brakes(self) -> None:
-        """Hard joint limits that look ahead to no brakes, beside hard torque limits."""
-        hard = [item for _, item in self._hard]
-        unbraked = at_once(hard) if any(isinstance(item, TorqueLimit) for item in hard) else None
-        if unbraked is not None:
-            warn_of_brakes(unbraked, stacklevel=3)
 
     def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
         """(limit, row, unit) in words of each hard row; limits that share a name are told apart by a number."""
@@ -487,10 +440,6 @@ class Stack:
 def _described(items: Sequence[Item]) -> str:
     """The kinds and names of tasks and limits."""
     return ", ".join(f"{type(item).__name__} {getattr(item, 'name', '')}".rstrip() for item in items)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
 def _as_level(level: Item | Sequence[Item], k: int) -> tuple[Item, ...]:

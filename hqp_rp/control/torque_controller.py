@@ -12,7 +12,8 @@ from hqp_rp.control._checks import positive_number, real_array
 from hqp_rp.control._refusal import require_not_refused, require_taken
 from hqp_rp.control.activation import blend
 from hqp_rp.control.command import Mode, fault_of
-from hqp_rp.control.torque_stack import InverseDynamics, TorqueStack
+from hqp_rp.control.inverse_dynamics import InverseDynamics
+from hqp_rp.control.torque_stack import TorqueStack
 from hqp_rp.core._native import torque_within
 from hqp_rp.core.errors import HqpError, SettingError
 from hqp_rp.core.problem import FloatArray, Problem
@@ -21,7 +22,7 @@ from hqp_rp.core.solver import Solver, get_solver
 from hqp_rp.robot.robot import Robot
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(slots=True, eq=False)
 class TorqueCommand:
     """One control step.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import math
 import warnings
 from collections.abc import Sequence
@@ -12,15 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._brakes import at_once, at_once_on, warn_of_brakes
 from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control._contact_rows import ContactRows
 from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
+from hqp_rp.control._stack_warnings import at_once, at_once_on, warn_of_brakes
 from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.contact import Contact
 from hqp_rp.control.contact_force_task import ContactForceTask
+from hqp_rp.control.inverse_dynamics import InverseDynamics
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.control.torque_task import TorqueTask
 from hqp_rp.core import _native
@@ -32,42 +32,6 @@ from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
 CONTACTS = "contacts"
-
-
-@dataclasses.dataclass(slots=True, eq=False)
-class InverseDynamics:
-    """How an answer x = (v-dot, f / force_unit) of one problem becomes torques.
-
-    Attributes:
-        map: (d, n) and offset: (d,): the torques of the driven velocities are `map @ x + offset`, N m or N.
-        driven: (d,) their velocity indices.
-        limit: (d,) the greatest |torque|, infinite for none.
-        nv, force_unit: as above.
-        contact_jacobian: (F, nv): forces f act on the joints as `contact_jacobian.T @ f`.
-        degrees: (M,) activation of each row of the levels, None where all are present.
-    """
-
-    map: FloatArray
-    offset: FloatArray
-    driven: IntArray
-    limit: FloatArray
-    nv: int
-    force_unit: float
-    contact_jacobian: FloatArray
-    degrees: FloatArray | None
-
-    def torque(self, x: FloatArray) -> FloatArray:
-        """(d,) torques of the driven velocities for x (n,)."""
-        torque: FloatArray = self.map @ x + self.offset
-        return torque
-
-    def acceleration(self, x: FloatArray) -> FloatArray:
-        """(nv,) v-dot."""
-        return x[: self.nv]
-
-    def forces(self, x: FloatArray) -> FloatArray:
-        """(F,) N, of all contacts' points, each in the axes of its contact."""
-        return x[self.nv :] * self.force_unit
 
 
 class TorqueStack:

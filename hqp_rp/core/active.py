@@ -22,7 +22,7 @@ def active_rows(problem: Problem, x: FloatArray, held: NDArray[np.integer] | flo
         bound = np.clip(value, lower, upper)
         beyond = value - bound
         size = row_norms(matrix) * np.linalg.norm(x)
-        noise = row_norms(matrix) * rounding_at_zero(problem, x)
+        noise = row_norms(matrix @ rounding_at_zero(problem, x))
         near = held if isinstance(held, float) else VIOLATED
         at_upper = np.abs(value - upper) <= near * (size + np.abs(upper)) + noise
         at_lower = np.abs(value - lower) <= near * (size + np.abs(lower)) + noise

@@ -19,16 +19,17 @@ from hqp_rp.core.diagnostics import (
     remaining,
     require_tolerance,
     rounding_at_zero,
+    row_norms,
     times_power,
     two_norm,
 )
 from hqp_rp.core.level_damping import damped_level
 from hqp_rp.core.metric import symmetric_root, with_inverse
 from hqp_rp.core.nearest_point import nearest_point
-from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.removable import Removable, removable, removable_in_part, smaller_parts
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.tolerances import CERTIFIED, MULTIPLIER, NEAR_ZERO, NEARLY_FREE, REACHED, SHORT_NORMAL, STEP_COST
+from hqp_rp.core.tolerances import CERTIFIED, NEAR_ZERO, NEARLY_FREE, REACHED, UNEVEN
 
 TOLERANCE = CERTIFIED
 """Default of `certify`: what a relative excess may be; also how near to its bound a row counts as active."""
@@ -47,7 +48,8 @@ class LevelCertificate:
         name: the level's name.
         residual: ||v||_2 of the violation v at x, in the unit of the rows.
         excess: the part of it that could be removed without spoiling an earlier level, in the same unit (see `certify`).
-        scale: ||A_k||_2 ||x|| + ||b_k||, where b_k is the point of [lower, upper] nearest to A_k x.
+        scale: ||A_k||_2 ||x|| + ||b_k||, where b_k is the point of [lower, upper] nearest to A_k x; where a part of the
+            level is judged worse than the whole (see `certify`), that of its rows, and `excess` and `uncertainty` are its own.
         uncertainty: what rounding may contribute to `excess`, same unit; grows with the condition of the levels so far.
         multipliers: number of inequality rows of earlier levels, or hard rows, that hold this level back at x.
     """
@@ -133,6 +135,11 @@ def certify(
     of the bounds that determine it (shorter than 1e-12 of them), that rounding error counts as such for rows and for x itself.
     A normal so short in the free directions (1e-9) that it may hold or not is counted as either.
 
+    A level whose rows differ in length by more than a factor 100 is judged in parts too: for its rows no longer than a tenth, a
+    hundredth, ... of the longest, the same by moves that leave its other rows where they are, in the size of the part; and so
+    are rows of which `||a_i|| ||x|| + |b_i|` differs by more than 1e6, by that size. An own inequality row at its bound then
+    pulls back by no more than the violation that the tolerance hides there.
+
     A level with damping is judged as the level that it is, `[A_k; D_k]` (see `hqp_rp.core.level_damping`), at the point where
     it was solved: of all points that earlier levels and hard rows allow and at which its rows have the violation that they
     have at x, the one with the least `||D_k x - d_k||`. Later levels then find its rows where x has them.
@@ -200,9 +207,9 @@ def certify(
 class _Judge:
     """x, and what the levels judged so far hold fixed (Z) and hold back (H)."""
 
-    def __init__(self, x: FloatArray, active_tolerance: float, rank_tolerance: float, rounding: float) -> None:
+    def __init__(self, x: FloatArray, active_tolerance: float, rank_tolerance: float, rounding: FloatArray) -> None:
         self.x = x
-        self.rounding = rounding  # of x, where it is at zero but for that
+        self.rounding = rounding  # (n, r) of x, where it is at zero but for that
         self.size = norm(x)
         self.active_tolerance = active_tolerance
         self.rank_tolerance = rank_tolerance
@@ -231,16 +238,34 @@ class _Judge:
         rows = _Rows(level, self)
         residual = norm(rows.violation)
         scale = rows.size * self.size + norm(rows.target)
-        pulling = rows.equality | (rows.violation != 0.0)
-        excess, turned, multipliers = _removable(
-            rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, self.rank_tolerance, self.drift
+        cut = self.rank_tolerance * rows.size
+        parts = smaller_parts(rows.lengths, rows.reach)
+        if parts:
+            found = self._worst_part(rows, parts)
+            scale, chosen = found.scale, found.rows
+        else:
+            pulling = rows.equality | (rows.violation != 0.0)
+            found = removable(rows.A[pulling], rows.violation[pulling], self.Z, self.H, rows.size, cut, self.drift)
+            chosen = slice(None)
+        excess, multipliers = found.excess, found.positive
+        uncertainty = (
+            found.uncertainty + 4 * _EPS * (len(self.x) + level.m) * scale + two_norm(rows.A[chosen] @ self.rounding)
         )
-        uncertainty = turned + 4 * _EPS * (len(self.x) + level.m) * scale + rows.size * self.rounding
+        if parts:
+            uncertainty += two_norm(rows.A[chosen]) * rows.asked_rounding()
         self._bind(rows, rows.equality | rows.violated, level)
         residual, excess, scale, uncertainty = (
             times_power(value, rows.exponent) for value in (residual, excess, scale, uncertainty)
         )
         return LevelCertificate(level.name, residual, excess, scale, uncertainty, multipliers)
+
+    def _worst_part(self, rows: _Rows, parts: list[NDArray[np.bool_]]) -> Removable:
+        """Of the level and its parts, the one of which the largest share could be removed."""
+        found = [
+            removable_in_part(rows, part, self.Z, self.H, self.size, self.rank_tolerance, self.drift)
+            for part in (np.ones_like(rows.equality), *parts)
+        ]
+        return max(found, key=lambda one: (one.excess - one.uncertainty) / one.scale if one.excess > 0.0 else 0.0)
 
     def deviation(self, goal: FloatArray) -> tuple[float, float, float]:
         """Distance to the nearest allowed point to `goal`: absolute, relative, and the part rounding may contribute."""
@@ -248,8 +273,12 @@ class _Judge:
         if size == 0.0:
             return 0.0, 0.0, 0.0
         gap = self.x - goal
-        excess, turned, _ = _removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)
-        return excess, excess / size, (turned + self.rounding * len(gap)) / size + 8 * _EPS * len(gap)
+        excess, turned = removable(np.eye(len(gap)), gap, self.Z, self.H, 1.0, self.rank_tolerance, self.drift)[:2]
+        return (
+            excess,
+            excess / size,
+            (turned + two_norm(self.Z.T @ self.rounding) * len(gap)) / size + 8 * _EPS * len(gap),
+        )
 
     def _damped(self, level: Level, damped: Level) -> LevelCertificate:
         """The damped level where it was solved; the level itself then binds at x."""
@@ -257,8 +286,10 @@ class _Judge:
         # However little damping leaves a row violated, later levels keep it there.
         fixed = rows.equality | (np.abs(rows.violation) > REACHED * rows.reach + rows.noise)
         x = self._solved_at(level, damped, fixed)
-        rounding = 8 * _EPS * self.size if norm(x) <= NEAR_ZERO * self.size else 0.0
-        there = _Judge(x, self.active_tolerance, self.rank_tolerance, max(self.rounding, rounding))
+        rounding = self.rounding
+        if norm(x) <= NEAR_ZERO * self.size:
+            rounding = np.hstack((rounding, 8 * _EPS * self.size * np.eye(len(x))))
+        there = _Judge(x, self.active_tolerance, self.rank_tolerance, rounding)
         there.Z, there.drift = self.Z, self.drift
         for before, chosen in self.kept:
             other = _Rows(Level(*_chosen(before, chosen)), there)
@@ -267,14 +298,14 @@ class _Judge:
         found = there.level(damped)
         before_Z = self.Z
         self._bind(rows, fixed, level)
-        rounding = 4 * _EPS * (len(self.x) + level.m) * rows.size * self.size  # of the violation, which is that at x
-        residual, rounding = (times_power(value, rows.exponent) for value in (norm(rows.violation), rounding))
+        unsure = 4 * _EPS * (len(self.x) + level.m) * rows.size * self.size  # of the violation, which is that at x
+        residual, unsure = (times_power(value, rows.exponent) for value in (norm(rows.violation), unsure))
         # It moves the point where the level was solved along directions that its rows hardly see, and D with it.
         if fixed.any() and before_Z.shape[1]:
             sigma = np.linalg.svd(level.A[fixed] @ before_Z, compute_uv=False)
             least = sigma[sigma > self.rank_tolerance * two_norm(level.A)].min(initial=np.inf)
-            rounding *= 1.0 + two_norm(damped.A[level.m :]) / float(least)
-        return dataclasses.replace(found, residual=residual, uncertainty=found.uncertainty + rounding)
+            unsure *= 1.0 + two_norm(damped.A[level.m :]) / float(least)
+        return dataclasses.replace(found, residual=residual, uncertainty=found.uncertainty + unsure)
 
     def _solved_at(self, level: Level, damped: Level, fixed: NDArray[np.bool_]) -> FloatArray:
         """Of the points that all levels so far allow, this one's fixed rows where they are at x, the one of least ||D x||."""
@@ -304,6 +335,12 @@ class _Judge:
             rank = int((sigma > self.rank_tolerance * rows.size).sum())
             if rank:
                 amplified = rows.size / float(sigma[rank - 1])
+                lengths = rows.lengths[fixed]
+                if 0.0 < float(lengths.min()) * UNEVEN < float(lengths.max()):
+                    # Rows of one length have the same null space, and rounding turns it less.
+                    even, turned = np.linalg.svd((held / lengths[:, None]) @ self.Z)[1:]
+                    if int((even > self.rank_tolerance).sum()) == rank and float(even[rank - 1]) * amplified > 1.0:
+                        amplified, Vt = 1.0 / float(even[rank - 1]), turned
                 self.drift = min(1.0, self.drift * (1.0 + amplified) + 8 * _EPS * amplified)
                 self.Z = self.Z @ Vt[rank:].T
         active = rows.active & ~fixed
@@ -325,11 +362,13 @@ class _Rows:
         self.equality = lower == upper
         lengths = np.sqrt(np.einsum("ij,ij->i", self.A, self.A))
         self.reach = lengths * judge.size + np.abs(self.target)
-        self.noise = lengths * judge.rounding
+        self.noise = row_norms(self.A @ judge.rounding)
+        self.lengths = lengths
         if self.equality.all():
             self.violated = self.active = np.zeros_like(self.equality)
+            self.near, self.normals = np.zeros_like(lengths), np.zeros_like(self.A)
             return
-        near = judge.active_tolerance * self.reach + self.noise
+        self.near = near = judge.active_tolerance * self.reach + self.noise
         above, below = value >= upper - near, value <= lower + near
         self.violated = np.abs(self.violation) > near
         # A band narrower than the tolerance holds its row from both sides.
@@ -338,56 +377,11 @@ class _Rows:
         with np.errstate(divide="ignore", invalid="ignore"):
             self.normals = np.where(above, 1.0, -1.0)[:, None] * self.A / lengths[:, None]
 
+    def asked_rounding(self) -> float:
+        """What rounding of the largest target of the rows, as a length of x, may add to x where the level is solved."""
+        lengths = np.where(self.lengths > 0.0, self.lengths, self.size)
+        return 8 * _EPS * float((np.abs(self.target) / lengths).max()) if self.size > 0.0 else 0.0
+
 
 def _chosen(level: Level, rows: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
     return level.A[rows], level.lower[rows], level.upper[rows]
-
-
-def _removable(
-    A: FloatArray, v: FloatArray, Z: FloatArray, H: FloatArray, size: float, rank_tolerance: float, drift: float
-) -> tuple[float, float, int]:
-    """The part of v that moves d = Z z with H d <= 0 remove through A d; its uncertainty; multipliers > 0.
-
-    Without H it is the projection of v onto range(A Z). With H it is the same for the cone, where each move also costs
-    `STEP_COST * size * ||d||`: that keeps the metric finite in directions that A does not see.
-    """
-    if min(A.shape) == 0 or Z.shape[1] == 0 or size == 0.0 or not v.any():
-        return 0.0, 0.0, 0
-    U, sigma, Vt = np.linalg.svd(A @ Z)
-    normals = H @ Z @ Vt.T if len(H) else H
-    noise = drift + 8 * _EPS
-    unclear = normals[:0]
-    if len(H):
-        lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
-        unclear = normals[(lengths <= SHORT_NORMAL) & (lengths > 2.0 * noise)]
-        normals = normals[lengths > SHORT_NORMAL]  # the others are fixed already
-    if not len(normals):
-        rank = int((sigma > rank_tolerance * size).sum())
-        if rank == 0:
-            return 0.0, 0.0, 0
-        excess, unsure = norm(U[:, :rank].T @ v), norm(v) * min(1.0, noise * size / float(sigma[rank - 1]))
-        if len(unclear):
-            unsure += max(0.0, excess - _held(sigma, U, v, unclear, Z.shape[1], size)[0])
-        return excess, unsure, 0
-    excess, pulls, positive = _held(sigma, U, v, normals, Z.shape[1], size)
-    unsure = min(norm(v), pulls * noise / STEP_COST)
-    if len(unclear):
-        unsure += max(0.0, excess - _held(sigma, U, v, np.vstack((normals, unclear)), Z.shape[1], size)[0])
-    return excess, unsure, positive
-
-
-def _held(
-    sigma: FloatArray, U: FloatArray, v: FloatArray, normals: FloatArray, d: int, size: float
-) -> tuple[float, float, int]:
-    """What moves that the normals (h, d) allow remove; what v and the multipliers pull; how many multipliers are positive."""
-    padded = np.zeros(d)
-    padded[: len(sigma)] = sigma
-    metric = 1.0 / np.hypot(padded, STEP_COST * size)
-    slope = np.zeros(d)
-    slope[: len(sigma)] = sigma * (U.T @ v)[: len(sigma)]
-    columns = (normals * metric).T
-    lengths = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    weights, rest = nonnegative_least_squares(columns / lengths, -metric * slope)
-    multipliers = weights / lengths
-    pulls = norm(v) + float(multipliers.sum()) / size
-    return norm(rest), pulls, int((multipliers > MULTIPLIER * multipliers.max()).sum())

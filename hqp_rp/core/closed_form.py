@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from hqp_rp.core import _native
 from hqp_rp.core.damping import Damping, NoDamping, checked_damping
-from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_damping import solve_damped
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.solution import Solution, Status
-from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary
+from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary, require_rank_tolerance
 
 _NOT_FINITE = list(Status).index(Status.NOT_FINITE)
 _INACCURATE = list(Status).index(Status.INACCURATE)
@@ -66,8 +65,7 @@ class ClosedForm(Solver):
 
     def __post_init__(self) -> None:
         checked_damping(self.damping)
-        if not isinstance(self.rank_tolerance, int | float) or not 0.0 <= self.rank_tolerance < 1.0:
-            raise SettingError(f"rank_tolerance is {self.rank_tolerance!r}; it must be a number in [0, 1).")
+        require_rank_tolerance(self.rank_tolerance)
 
     def is_lexicographic(self, problem: Problem) -> bool:
         if not isinstance(self.damping, NoDamping) or not problem.is_equality:

@@ -9,22 +9,41 @@ from typing import ClassVar, Literal, TypeAlias
 from hqp_rp.core.errors import SettingError
 
 
-@dataclasses.dataclass(frozen=True)
-class NoDamping:
-    """`1/sigma_i` for every singular value that the rank rule keeps: the pseudo-inverse (17)."""
+class _Policy:
+    """What every policy is: a kind and up to two numbers for the native core, and a word for its label."""
 
-    kind: ClassVar[int] = 0
+    kind: ClassVar[int]
+    label: ClassVar[str]
 
     @property
     def parameters(self) -> tuple[float, float]:
-        return (0.0, 0.0)
+        """The policy's settings in the order of its fields, 0 for those that it does not have."""
+        first, second = (*self._settings().values(), 0.0, 0.0)[:2]
+        return first, second
+
+    def _settings(self) -> dict[str, float]:
+        own = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        return {name: float(getattr(self, name)) for name in own}
 
     def __repr__(self) -> str:
-        return "none"
+        settings = self._settings()
+        if not settings:
+            return self.label
+        if len(settings) == 1:
+            return f"{self.label}({next(iter(settings.values())):g})"
+        return f"{self.label}({', '.join(f'{name}={value:g}' for name, value in settings.items())})"
 
 
-@dataclasses.dataclass(frozen=True)
-class ConstantDamping:
+@dataclasses.dataclass(frozen=True, repr=False)
+class NoDamping(_Policy):
+    """`1/sigma_i` for every singular value that the rank rule keeps: the pseudo-inverse (17)."""
+
+    kind: ClassVar[int] = 0
+    label: ClassVar[str] = "none"
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class ConstantDamping(_Policy):
     """`sigma_i / (sigma_i^2 + factor^2)`: damped least squares (14)-(15), with eta = factor.
 
     Args:
@@ -33,20 +52,14 @@ class ConstantDamping:
 
     factor: float
     kind: ClassVar[int] = 1
+    label: ClassVar[str] = "constant"
 
     def __post_init__(self) -> None:
         _require("factor", self.factor, 0.0)
 
-    @property
-    def parameters(self) -> tuple[float, float]:
-        return (float(self.factor), 0.0)
 
-    def __repr__(self) -> str:
-        return f"constant({self.factor:g})"
-
-
-@dataclasses.dataclass(frozen=True)
-class VariableDamping:
+@dataclasses.dataclass(frozen=True, repr=False)
+class VariableDamping(_Policy):
     """`sigma_i / (sigma_i^2 + lambda_0^2)`, damped only near a singularity: equations (18)-(19).
 
     lambda_0^2 = 0 when the smallest singular value sigma_m >= delta, else (1 - (sigma_m / delta)^2) * maximum^2:
@@ -61,21 +74,15 @@ class VariableDamping:
     delta: float
     maximum: float
     kind: ClassVar[int] = 2
+    label: ClassVar[str] = "variable"
 
     def __post_init__(self) -> None:
         _require("delta", self.delta, 0.0, strict=True)
         _require("maximum", self.maximum, 0.0)
 
-    @property
-    def parameters(self) -> tuple[float, float]:
-        return (float(self.delta), float(self.maximum))
 
-    def __repr__(self) -> str:
-        return f"variable(delta={self.delta:g}, maximum={self.maximum:g})"
-
-
-@dataclasses.dataclass(frozen=True)
-class Truncation:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Truncation(_Policy):
     """`1/sigma_i` for sigma_i > threshold, else 0: the truncated pseudo-inverse.
 
     Args:
@@ -84,20 +91,14 @@ class Truncation:
 
     threshold: float
     kind: ClassVar[int] = 3
+    label: ClassVar[str] = "truncation"
 
     def __post_init__(self) -> None:
         _require("threshold", self.threshold, 0.0)
 
-    @property
-    def parameters(self) -> tuple[float, float]:
-        return (float(self.threshold), 0.0)
 
-    def __repr__(self) -> str:
-        return f"truncation({self.threshold:g})"
-
-
-@dataclasses.dataclass(frozen=True)
-class ManipulabilityDamping:
+@dataclasses.dataclass(frozen=True, repr=False)
+class ManipulabilityDamping(_Policy):
     """`sigma_i / (sigma_i^2 + lambda)`, lambda = maximum^2 (1 - w / threshold)^2 where w < threshold, else 0.
 
     w is the manipulability sqrt(det(A A^T)), the product of all singular values (of a matrix with more rows than columns, of
@@ -114,21 +115,15 @@ class ManipulabilityDamping:
     threshold: float
     maximum: float
     kind: ClassVar[int] = 5
+    label: ClassVar[str] = "manipulability"
 
     def __post_init__(self) -> None:
         _require("threshold", self.threshold, 0.0, strict=True)
         _require("maximum", self.maximum, 0.0)
 
-    @property
-    def parameters(self) -> tuple[float, float]:
-        return (float(self.threshold), float(self.maximum))
 
-    def __repr__(self) -> str:
-        return f"manipulability(threshold={self.threshold:g}, maximum={self.maximum:g})"
-
-
-@dataclasses.dataclass(frozen=True)
-class NumericalFiltering:
+@dataclasses.dataclass(frozen=True, repr=False)
+class NumericalFiltering(_Policy):
     """Numerical filtering: the last singular direction alone is damped, `1/sigma_i` for all others.
 
     `sigma_m / (sigma_m^2 + beta^2)` with beta^2 = (1 - (sigma_m / delta)^2) maximum^2 where sigma_m < delta, else 0: what
@@ -144,21 +139,15 @@ class NumericalFiltering:
     delta: float
     maximum: float
     kind: ClassVar[int] = 6
+    label: ClassVar[str] = "filtering"
 
     def __post_init__(self) -> None:
         _require("delta", self.delta, 0.0, strict=True)
         _require("maximum", self.maximum, 0.0)
 
-    @property
-    def parameters(self) -> tuple[float, float]:
-        return (float(self.delta), float(self.maximum))
 
-    def __repr__(self) -> str:
-        return f"filtering(delta={self.delta:g}, maximum={self.maximum:g})"
-
-
-@dataclasses.dataclass(frozen=True)
-class ErrorDamping:
+@dataclasses.dataclass(frozen=True, repr=False)
+class ErrorDamping(_Policy):
     """mu ||x - zeta||^2, mu = factor * |e|^power, for a level of which x = 0 misses its rows by e: none at the target.
 
     A damping of one level (`Level(damping=...)`), not of a closed form, whose inverses know no error.
@@ -180,6 +169,7 @@ class ErrorDamping:
     power: int = 2
     toward: Literal["below", "rest"] = "below"
     kind: ClassVar[int] = 4
+    label: ClassVar[str] = "error"
 
     def __post_init__(self) -> None:
         _require("factor", self.factor, 0.0)
@@ -194,7 +184,7 @@ class ErrorDamping:
 
     def __repr__(self) -> str:
         power = "" if self.power == 2 else f", power={self.power}"
-        return f"error({self.factor:g}{power})" if self.toward == "below" else f"error({self.factor:g}{power}, rest)"
+        return f"{self.label}({self.factor:g}{power}{'' if self.toward == 'below' else ', rest'})"
 
 
 Damping: TypeAlias = (

@@ -140,7 +140,7 @@ class EqualityBlocks:
         value = matrix @ x
         lengths = _lengths(matrix)
         size = lengths * np.linalg.norm(x)
-        noise = lengths * _rounding(problem, x, lengths)
+        noise = _rounding(problem, x, matrix, lengths)
         bound = np.clip(value, lower, upper)
         violated = np.abs(value - bound) > VIOLATED * (size + np.abs(bound)) + noise
         violated[: problem.hard_rows] = False
@@ -338,10 +338,10 @@ def _lengths(A: FloatArray) -> FloatArray:
     return lengths
 
 
-def _rounding(problem: Problem, x: FloatArray, lengths: FloatArray) -> float:
-    """`rounding_at_zero`, which is 0 but for an x much shorter than the bounds."""
+def _rounding(problem: Problem, x: FloatArray, matrix: FloatArray, lengths: FloatArray) -> FloatArray | float:
+    """What `rounding_at_zero` makes of rows, which is 0 but for an x much shorter than the bounds."""
     _, lower, upper, _ = problem.with_hard
     asked = np.concatenate((np.abs(lower), np.abs(upper)))
     some = np.isfinite(asked) & (np.concatenate((lengths, lengths)) > 0.0)
     reach = float((asked[some] / np.concatenate((lengths, lengths))[some]).max(initial=0.0))
-    return rounding_at_zero(problem, x) if _norm(x) <= NEAR_ZERO * reach else 0.0
+    return _lengths(matrix @ rounding_at_zero(problem, x)) if _norm(x) <= NEAR_ZERO * reach else 0.0

@@ -8,36 +8,26 @@ from typing import Any, NoReturn
 
 from hqp_rp.core.errors import MissingExtraError
 
+
+def _alike(names: str) -> dict[str, str]:
+    """Modules that are called as their packages are."""
+    return {name: name for name in names.split()}
+
+
 PACKAGES = {
-    "qp": {
-        "qpsolvers": "qpsolvers",
-        "proxsuite": "proxsuite",
-        "osqp": "osqp",
-        "scipy": "scipy",
-        "daqp": "daqp",
-        "quadprog": "quadprog",
-        "piqp": "piqp",
-    },
-    "mujoco": {"mujoco": "mujoco"},
+    "qp": _alike("qpsolvers proxsuite osqp scipy daqp quadprog piqp"),
+    "mujoco": _alike("mujoco"),
     "pinocchio": {"pinocchio": "pin"},
-    "mink": {"mink": "mink"},
+    "mink": _alike("mink"),
     "pink": {"pink": "pin-pink"},
     "truth": {"flint": "python-flint"},
-    "cli": {"tyro": "tyro"},
-    "report": {
-        "jinja2": "jinja2",
-        "joblib": "joblib",
-        "matplotlib": "matplotlib",
-        "plotly": "plotly",
-        "polars": "polars",
-        "rich": "rich",
-        "cloudpickle": "cloudpickle",
-    },
+    "cli": _alike("tyro"),
+    "report": _alike("jinja2 joblib matplotlib plotly polars rich cloudpickle"),
     "humanoid": {"jvrc_description": "jvrc-description"},
-    "torch": {"torch": "torch"},
-    "jax": {"jax": "jax"},
-    "play": {"viser": "viser"},
-    "cluster": {"dask": "dask", "distributed": "distributed"},
+    "torch": _alike("torch"),
+    "jax": _alike("jax"),
+    "play": _alike("viser"),
+    "cluster": _alike("dask distributed"),
 }
 """Of each extra of hqp-rp: module -> the package that has it."""
 

@@ -9,6 +9,7 @@ import os
 import pathlib
 import uuid
 import zipfile
+from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -71,17 +72,25 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
         FileError: the file cannot be written; the message names it.
         SettingError: a metadata value that JSON cannot hold.
     """
-    target = user_path(path)
     arrays = arrays_of(problem) | _row_names(problem) | {"metadata": np.array(_encoded(metadata))}
+    return write_arrays(path, arrays, "problem")
+
+
+def write_arrays(path: PathLike, arrays: Mapping[str, Any], what: str, *, compressed: bool = False) -> pathlib.Path:
+    """Write arrays to a .npz without pickles, which appears whole or not at all, and return its path.
+
+    Raises `FileError`, which names the file and `what` it would be, where that cannot be.
+    """
+    target = user_path(path)
     partial = target.with_name(f".{target.name}.{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
     try:
         with partial.open("xb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
+            (np.savez_compressed if compressed else np.savez)(file, allow_pickle=False, **arrays)
         partial.replace(target)
     except OSError as error:
         with contextlib.suppress(OSError):
             partial.unlink()
-        raise FileError(f"{target}: the problem cannot be written ({error.strerror or error}).") from error
+        raise FileError(f"{target}: the {what} cannot be written ({error.strerror or error}).") from error
     return target
 
 
@@ -89,6 +98,27 @@ def _row_names(problem: Problem) -> dict[str, Any]:
     if problem.hard is None or ROW_NAMES not in (problem.kept or {}):
         return {}
     return {"hard_rows": np.array(row_names(problem), dtype=np.str_).reshape(problem.hard_rows, 3)}
+
+
+def read_arrays(path: PathLike, what: str, writer: str) -> tuple[pathlib.Path, dict[str, Any]]:
+    """The path and the arrays of a .npz without pickles.
+
+    Raises `FileError`, which names the file, where it is missing or damaged; what: it should be. writer: of such files.
+    """
+    source = user_path(path)
+    try:
+        data = source.read_bytes()
+    except FileNotFoundError:
+        raise FileError(f"{source}: there is no such file.") from None
+    except OSError as error:
+        raise FileError(f"{source}: not readable ({error.strerror or error}).") from error
+    if not zipfile.is_zipfile(io.BytesIO(data)):
+        raise FileError(f"{source}: not a .npz file, or damaged; {what}s are written by {writer}.")
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            return source, {name: archive[name] for name in archive.files}
+    except Exception as error:  # whatever zip, zlib and numpy make of damaged bytes
+        raise FileError(f"{source}: damaged, or not a {what} ({error}).") from error
 
 
 def version_of(problem: Problem) -> int:
@@ -113,20 +143,7 @@ def load_metadata(path: PathLike) -> dict[str, Any]:
 
 
 def _read(path: PathLike) -> tuple[Problem, dict[str, Any]]:
-    source = user_path(path)
-    try:
-        data = source.read_bytes()
-    except FileNotFoundError:
-        raise FileError(f"{source}: there is no such file.") from None
-    except OSError as error:
-        raise FileError(f"{source}: not readable ({error.strerror or error}).") from error
-    if not zipfile.is_zipfile(io.BytesIO(data)):
-        raise FileError(f"{source}: not a .npz file, or damaged; problem files are written by save_problem.")
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except Exception as error:  # whatever zip, zlib and numpy make of damaged bytes
-        raise FileError(f"{source}: damaged, or not a problem file ({error}).") from error
+    source, arrays = read_arrays(path, "problem file", "save_problem")
     return _assembled(source, arrays)
 
 

@@ -21,6 +21,7 @@ def nonnegative_least_squares(C: FloatArray, y: FloatArray) -> tuple[FloatArray,
     rest = y - C @ w
     if norm(rest) <= EXACT_MULTIPLIERS * norm(y):
         return w, rest
+    first = w, rest
     w = np.zeros(k)
     passive = np.zeros(k, dtype=bool)
     rest = y
@@ -56,4 +57,5 @@ def nonnegative_least_squares(C: FloatArray, y: FloatArray) -> tuple[FloatArray,
         if not norm(following) < norm(rest):  # the last digits are reached
             break
         rest = following
-    return w, rest
+    # A small weight may have been rounding error beside large ones of nearly parallel columns, and right at first.
+    return (w, rest) if norm(rest) <= norm(first[1]) else first

@@ -195,6 +195,12 @@ def solve(
     return get_solver(solver, **settings).solve(problem, checked_secondary(secondary, problem.n))
 
 
+def require_rank_tolerance(value: object) -> None:
+    """Raises `SettingError` unless `value` is a number in [0, 1)."""
+    if not isinstance(value, int | float) or not 0.0 <= value < 1.0:
+        raise SettingError(f"rank_tolerance is {value!r}; it must be a number in [0, 1).")
+
+
 def checked_secondary(secondary: ArrayLike | None, n: int) -> FloatArray | None:
     """`secondary` as a contiguous float64 vector (n,), or None. Raises `ProblemError` when it does not fit."""
     if secondary is None:

@@ -14,6 +14,15 @@ CERTIFIED = 1e-9
 STEP_COST = 1e-5
 """What a move d costs in the certificate beside what it removes from a level: this times ||A_k|| ||d||."""
 
+UNEVEN = 100.0
+"""Rows of a level whose lengths are further apart are judged in parts too, the short ones in their own size ..."""
+
+FAR_TARGETS = 1e6
+"""... and so are rows of which ||a_i|| ||x|| + |bound_i| are further apart than this."""
+
+BAND = 0.1
+"""Each such part holds rows no larger than this times those of the part before."""
+
 SHORT_NORMAL = 1e-9
 """An active row's normal, of length one, of which no more than this is free: levels judged before hold it already."""
 
@@ -52,6 +61,9 @@ SATURATED = 1e-12
 
 NEAR_ZERO = 1e-12
 """An x shorter than this part of what a problem's bounds could ask of it is judged as one at zero: see `certify`."""
+
+PULLS_CANCEL = 1e-9
+"""Rows whose pulls add up to no more than this part of them leave x between them; others pull in vain."""
 
 REACHED = 1e-12
 """A row of a damped level that misses its bound by more than this part of ||a_i|| ||x|| + |bound_i| keeps the value it has."""

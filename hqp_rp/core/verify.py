@@ -55,20 +55,20 @@ def fault_of(
     return "" if certificate.ok else certificate.sentence
 
 
-def hard_excess(hard: Level | None, x: FloatArray, rounding: float = 0.0) -> float:
+def hard_excess(hard: Level | None, x: FloatArray, rounding: FloatArray | None = None) -> float:
     """The largest violation of a hard row at x (n,), relative to `||a_i|| ||x|| + |bound_i|`; 0 without hard rows.
 
-    rounding: of x, see `hqp_rp.core.diagnostics.rounding_at_zero`; what it explains counts as none.
+    rounding: (n, r) of x, see `hqp_rp.core.diagnostics.rounding_at_zero`; what it explains counts as none.
     """
     if hard is None or not hard.m:
         return 0.0
     value = hard.A @ x
     bound = np.minimum(np.maximum(value, hard.lower), hard.upper)
     error = np.abs(value - bound)
-    lengths = row_norms(hard.A)
-    reach = lengths * np.linalg.norm(x) + np.abs(bound)
+    reach = row_norms(hard.A) * np.linalg.norm(x) + np.abs(bound)
+    noise = 0.0 if rounding is None else row_norms(hard.A @ rounding)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.max(np.where(error > rounding * lengths, error / reach, 0.0)))
+        return float(np.max(np.where(error > noise, error / reach, 0.0)))
 
 
 def breaks_hard_rows(problem: Problem, x: FloatArray, tolerance: float) -> bool:

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hqp_rp import Level, Problem, SettingError, Status, certify, get_solver, load_problem, solve, truth
 from tests import reference
 from tests.bench.families import family
+from tests.fuzz_uneven import row_errors
 from tests.problems import (
     EQUALITY_CASES,
     boxed,
@@ -20,6 +21,7 @@ from tests.problems import (
     over_constrained,
     scaled,
     two_sided,
+    uneven,
 )
 
 EPS = np.finfo(float).eps
@@ -315,6 +317,17 @@ def test_levels_that_contradict_each_other_by_little_hold_no_row_by_rounding(by:
     assert solved >= 0.5 * len(seeds)
 
 
+@pytest.mark.parametrize(("seed", "by"), [(135, -1e-8), (3962, 1e-6)])
+def test_multipliers_of_very_different_size_are_certified(seed: int, by: float) -> None:
+    """The smallest multiplier is 1e-9 of the largest, and right."""
+    problem, free = nearly_degenerate(seed, by)
+    right = truth(problem, free)
+    assert certify(problem, right.x, free).ok
+    solution = solve(problem, NAME, secondary=free)
+    assert solution.status is Status.SOLVED
+    assert error(solution.x, right.x) < 1e-12
+
+
 @pytest.mark.parametrize("target", [1e6, 1e8, 1e10, 1e12])
 def test_a_target_far_beyond_reach_explains_no_violation_of_another_row(target: float) -> None:
     limits = Level([[1.0, 0.0], [1.0, 0.0]], -np.inf, [1.00005, 1.0])
@@ -328,3 +341,48 @@ def test_a_target_far_beyond_reach_explains_no_violation_of_another_row(target: 
         solution = solve(Problem(wanted, box), NAME)
         if solution.status is Status.SOLVED:
             assert np.abs(box.A @ solution.x).max() <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize("ratio", [10.0**k for k in range(2, 12)])
+def test_a_long_row_at_its_bound_does_not_hide_a_short_one_of_its_level(ratio: float) -> None:
+    """What the long row would have to miss by to hold the short one back is far below the rounding error of its value."""
+    long, short = Level([[ratio, 0.0]], 0.7 * ratio, np.inf), Level([[1.0, 0.0]], 0.9, 0.9)
+    for rows in ([long, short], [long, long, short], [short, long]):
+        level = Level(*(np.concatenate([getattr(row, part) for row in rows]) for part in ("A", "lower", "upper")))
+        solution = solve(Problem([level]), NAME)
+        assert solution.status is Status.SOLVED
+        assert solution.x == pytest.approx([0.9, 0.0], abs=1e-12)
+        limited = solve(Problem([Level([[1.0, 0.0]], -np.inf, 0.8), level]), NAME)
+        assert limited.status is Status.SOLVED
+        assert limited.x == pytest.approx([0.8, 0.0], abs=1e-12)
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), decades=st.floats(0.0, 8.0), box=st.booleans())
+@example(seed=411, decades=7.9, box=False)
+def test_rows_of_very_different_length_are_solved_each_in_its_own_size(seed: int, decades: float, box: bool) -> None:
+    """By the exact truth: what is called solved is right row by row, and so is what the certificate accepts."""
+    problem = uneven(seed, decades, box)
+    right = truth(problem)
+    if right.ambiguous:
+        return
+    assert right.x is not None
+    assert certify(problem, right.x).ok
+    solution = solve(problem, NAME)
+    assert solution.status in (Status.SOLVED, Status.INACCURATE)
+    wrong = row_errors(problem, solution.x, right.x) > 1e-6
+    assert not (wrong and solution.status is Status.SOLVED)
+    assert not (wrong and certify(problem, solution.x).ok)
+    if decades <= 3.0:
+        assert solution.status is Status.SOLVED
+
+
+@pytest.mark.parametrize("target", [1e12, 1e15, 1e18, 1e30])
+def test_a_target_beyond_all_reach_leaves_the_other_rows_as_they_are(target: float) -> None:
+    box = Level(np.eye(3), -1.0, 1.0)
+    far, near = Level.equality([[1.0, 1.0, 0.0]], [target]), Level.equality([[0.0, 0.0, 1.0]], [0.5])
+    beside = Level.equality([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [target, 0.5])
+    for levels in ([far, near], [beside]):
+        solution = solve(Problem(levels, box), NAME)
+        assert solution.status is Status.SOLVED
+        assert solution.x == pytest.approx([1.0, 1.0, 0.5], abs=1e-12)

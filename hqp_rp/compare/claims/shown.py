@@ -23,7 +23,7 @@ from hqp_rp.compare.claims.trials import Trial, row
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.figures.film import Shot
 from hqp_rp.compare.run_folder import RunFolder, digest
-from hqp_rp.compare.workers import one_thread_each
+from hqp_rp.compare.workers import in_processes
 from hqp_rp.scenarios._interaction import DAMPED, PAPER, Interaction, Place
 from hqp_rp.scenarios.sawyer_force_tracking import AS_PRINTED, SawyerForceTracking
 from hqp_rp.scenarios.sawyer_hybrid_wipe import SawyerHybridWipe
@@ -76,16 +76,8 @@ def curves(trials: Sequence[Trial], folder: RunFolder, *, workers: int = 1) -> t
     """The steps of each run and the figures of all, made by `workers` processes or kept in `folder`."""
     keys = [digest("shown", trial.key) for trial in trials]
     left = [(trial, key) for trial, key in zip(trials, keys, strict=True) if not folder.has(key)]
-    if workers == 1:
-        found = map(Trial.steps, [trial for trial, _ in left])
-    else:
-        import joblib
-
-        with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
-            pool = joblib.Parallel(n_jobs=workers, return_as="generator", batch_size=1)
-            found = pool(joblib.delayed(Trial.steps)(trial) for trial, _ in left)
-    for (_, key), own in zip(left, found, strict=True):
-        folder.save(key, own)
+    for place, own in in_processes(Trial.steps, [trial for trial, _ in left], workers):
+        folder.save(left[place][1], own)
     steps = [folder.load([key]) for key in keys]
     rows = [row(trial, own) for trial, own in zip(trials, steps, strict=True)]
     return steps, pl.DataFrame(rows, infer_schema_length=None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from hqp_rp.compare.claims.methods import Method
 from hqp_rp.compare.claims.response_figures import push_figures, tracking_figures
 from hqp_rp.compare.machine import usable_cores
 from hqp_rp.compare.run_folder import RunFolder, digest
-from hqp_rp.compare.workers import one_thread_each, progress_bar
+from hqp_rp.compare.workers import in_processes, progress_bar
 from hqp_rp.scenarios._interaction import Interaction, Place
 from hqp_rp.scenarios.sawyer_force_tracking import SawyerForceTracking
 from hqp_rp.scenarios.sawyer_push_response import SawyerPushResponse
@@ -141,7 +141,9 @@ def run_trials(
     left = [i for i, key in enumerate(keys) if not folder.has(key)]
     lengths = [sum(trial.length for trial in block) for block in blocks]
     with progress_bar(progress, sum(lengths), sum(lengths) - sum(lengths[i] for i in left), "periods") as advance:
-        for i, frame in _finished([(i, blocks[i]) for i in left], min(workers or usable_cores(), max(len(left), 1))):
+        processes = min(workers or usable_cores(), max(len(left), 1))
+        for done, frame in in_processes(_block, [blocks[i] for i in left], processes):
+            i = left[done]
             folder.save(keys[i], frame)
             advance(lengths[i], blocks[i][0].experiment)
     frames = [folder.load([key]) for key in keys]
@@ -150,16 +152,5 @@ def run_trials(
     return together.select(pl.all().gather(place))
 
 
-def _finished(left: Sequence[tuple[int, list[Trial]]], workers: int) -> Iterator[tuple[int, pl.DataFrame]]:
-    if workers == 1:
-        yield from (_block(i, block) for i, block in left)
-        return
-    import joblib
-
-    with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
-        pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-        yield from pool(joblib.delayed(_block)(i, block) for i, block in left)
-
-
-def _block(i: int, block: Sequence[Trial]) -> tuple[int, pl.DataFrame]:
-    return i, pl.DataFrame([row(trial, trial.steps()) for trial in block], infer_schema_length=None)
+def _block(block: Sequence[Trial]) -> pl.DataFrame:
+    return pl.DataFrame([row(trial, trial.steps()) for trial in block], infer_schema_length=None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import os
 import pathlib
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from hqp_rp.compare.play.arm import ArmState
 from hqp_rp.control.command import Mode
 from hqp_rp.core.errors import FileError, HqpError, SettingError
+from hqp_rp.core.io import read_arrays, write_arrays
 from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot_source import RobotSource
@@ -118,20 +118,11 @@ class Recording:
 
     def save(self, path: str | os.PathLike[str]) -> pathlib.Path:
         """Write a compressed .npz without pickles and return its path. Raises `FileError` where that cannot be."""
-        target = user_path(path)
         arrays: dict[str, Any] = {"format": np.array(FORMAT), "version": np.array(VERSION)}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             arrays[field.name] = np.array(json.dumps(value)) if field.name in _AS_JSON else np.asarray(value)
-        partial = target.with_name(f".{target.name}.{os.getpid()}.part")
-        try:
-            with partial.open("wb") as file:
-                np.savez_compressed(file, allow_pickle=False, **arrays)
-            partial.replace(target)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            raise FileError(f"{target}: the recording cannot be written ({error.strerror or error}).") from error
-        return target
+        return write_arrays(path, arrays, "recording", compressed=True)
 
     def __repr__(self) -> str:
         seconds = self.dt * len(self)
@@ -146,18 +137,7 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
 
     Raises `FileError`, which names the file, where it is missing, damaged, something else, or of a version not known here.
     """
-    source = user_path(path)
-    try:
-        data = source.read_bytes()
-    except FileNotFoundError:
-        raise FileError(f"{source}: there is no such file.") from None
-    except OSError as error:
-        raise FileError(f"{source}: not readable ({error.strerror or error}).") from error
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except Exception as error:  # whatever zip, zlib and numpy make of damaged bytes
-        raise FileError(f"{source}: damaged, or not a recording ({error}).") from error
+    source, arrays = read_arrays(path, "recording", "hqp-rp play")
     if str(arrays.get("format")) != FORMAT:
         raise FileError(f"{source}: not a recording of hqp-rp play.")
     if str(arrays.get("version")) != str(VERSION):

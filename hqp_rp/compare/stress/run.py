@@ -14,7 +14,7 @@ from hqp_rp.compare.run_folder import RunFolder
 from hqp_rp.compare.stress.plan import Plan, quiet, scene_of
 from hqp_rp.compare.stress.rows import chunk_rows
 from hqp_rp.compare.stress.subject import Subject
-from hqp_rp.compare.workers import in_processes, one_thread_each, progress_bar
+from hqp_rp.compare.workers import in_order, in_processes, progress_bar
 from hqp_rp.control.singularities import SingularConfiguration, Start, refine_starts
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.extras import require
@@ -65,22 +65,10 @@ def run_starts(
     names = scene_of(subject).tasks.names
     workers = min(workers or usable_cores(), len(blocks))
     with progress_bar(progress, len(jobs), 0, "starts") as advance:
-        for block, refined in zip(blocks, _refined_blocks(subject, seed, blocks, workers), strict=True):
+        found = in_order(in_processes(functools.partial(_refined, subject, seed), blocks, workers))
+        for block, refined in zip(blocks, found, strict=True):
             advance(len(block), f"singularities of {names[block[-1][0]]}")
             yield from refined
-
-
-def _refined_blocks(
-    subject: Subject, seed: int, blocks: Sequence[Sequence[Start]], workers: int
-) -> Iterator[list[SingularConfiguration | None]]:
-    if workers == 1:
-        yield from (_refined(subject, seed, block) for block in blocks)
-        return
-    import joblib
-
-    with one_thread_each(), joblib.parallel_config("loky", inner_max_num_threads=1):
-        pool = joblib.Parallel(n_jobs=workers, return_as="generator", batch_size=1, pre_dispatch="2*n_jobs")
-        yield from pool(joblib.delayed(_refined)(subject, seed, block) for block in blocks)
 
 
 def _refined(subject: Subject, seed: int, block: Sequence[Start]) -> list[SingularConfiguration | None]:

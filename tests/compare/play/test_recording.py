@@ -135,7 +135,7 @@ def test_other_files_are_no_recordings(tmp_path: Path) -> None:
     hqp_rp.save_problem(problem, tmp_path / "problem.npz")
     for name, words in (
         ("none", "no such file"),
-        ("text", "damaged, or not a recording"),
+        ("text", "not a .npz file, or damaged; recordings are written by hqp-rp play"),
         ("problem", "not a recording"),
     ):
         assert not is_recording(tmp_path / f"{name}.npz")

@@ -90,7 +90,10 @@ def asked_for(module: pathlib.Path) -> list[tuple[str, frozenset[str | None]]]:
     return [(ast.literal_eval(call.args[0]), frozenset(item.arg for item in call.keywords)) for call in said]
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent.name for path in COMPARE.rglob("*sentences.j2")}))
+FOLDERS = sorted({path.parent.relative_to(COMPARE).as_posix() for path in COMPARE.rglob("*sentences.j2")})
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_every_sentence_is_given_the_figures_that_it_takes(folder: str) -> None:
     """Also those that are said rarely, and in no test."""
     templates = [_macros(path) for path in (COMPARE / folder).glob("*sentences.j2")]

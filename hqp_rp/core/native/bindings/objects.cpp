@@ -1,5 +1,6 @@
 #include <utility>
 
+#include "hqp_rp/finite.hpp"
 #include "hqp_rp/metric.hpp"
 #include "objects.hpp"
 
@@ -157,10 +158,7 @@ void bind_objects(nb::module_& module) {
       "is_finite",
       [](nb::handle array) {
         const nb::object numbers = as_numbers(array);
-        const double* v = numbers_in(numbers);
-        double zero = 0.0;  // zero times nan or infinity is nan
-        for (Py_ssize_t i = 0, size = PyArray_SIZE(reinterpret_cast<PyArrayObject*>(numbers.ptr())); i < size; ++i) zero += 0.0 * v[i];
-        return zero == 0.0;
+        return all_finite(numbers_in(numbers), PyArray_SIZE(reinterpret_cast<PyArrayObject*>(numbers.ptr())));
       },
       nb::arg("array"), "Whether every number of an array of any shape is finite.");
   module.def("instruction_set", [] { return kernels().instruction_set; }, "For which instruction set the kernels in use were compiled.");

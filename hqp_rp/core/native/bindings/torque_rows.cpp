@@ -1,6 +1,9 @@
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
+#include "hqp_rp/finite.hpp"
 #include "hqp_rp/torque_rows.hpp"
 #include "objects.hpp"
 
@@ -88,7 +91,10 @@ class TorqueRowsObject {
     for (Py_ssize_t i = 0; i < p; ++i) low[i] = up[i] = -bias[passive_[i]];
     rows_.torque_rows(mass, J, driven_, d, T);
     for (Py_ssize_t i = 0; i < d; ++i) o[i] = bias[driven_[i]];
-    rows_.torque_rows(mass, J, limited_, l, A + p * n);
+    if (l == d && std::equal(limited_, limited_ + l, driven_))
+      std::copy(T, T + l * n, A + p * n);
+    else
+      rows_.torque_rows(mass, J, limited_, l, A + p * n);
     for (Py_ssize_t i = 0; i < l; ++i) {
       low[p + i] = -limit_[i] - bias[limited_[i]];
       up[p + i] = limit_[i] - bias[limited_[i]];
@@ -105,10 +111,7 @@ class TorqueRowsObject {
       low[place[i]] = b_low[i];
       up[place[i]] = b_up[i];
     }
-    double finite = 0.0;  // zero times nan or infinity is nan
-    for (Py_ssize_t i = 0; i < nv * nv; ++i) finite += 0.0 * mass[i];
-    for (Py_ssize_t i = 0; i < nv; ++i) finite += 0.0 * bias[i];
-    if (!(finite == 0.0)) return nb::none();
+    if (!all_finite(mass, nv * nv) || !all_finite(bias, nv)) return nb::none();
     return nb::make_tuple(matrix, lower, upper, map, offset, point_jacobian);
   }
 
@@ -149,8 +152,8 @@ static nb::object torque_within(nb::handle map, nb::handle x, nb::handle offset,
   if (length_of(given.ptr()) != n || length_of(offset.ptr()) != d || length_of(limit.ptr()) != d)
     throw nb::value_error("The arrays do not fit together.");
   nb::object torque = new_array({d});
-  double *tau = numbers_in(torque), zero = 0.0;
-  for (Py_ssize_t j = 0; j < n; ++j) zero += 0.0 * unknown[j];
+  double* tau = numbers_in(torque);
+  bool sound = all_finite(unknown, n);
   for (Py_ssize_t i = 0; i < d; ++i) {
     double part[8] = {o[i]};  // sums that do not wait for one another
     Py_ssize_t j = 0;
@@ -158,10 +161,10 @@ static nb::object torque_within(nb::handle map, nb::handle x, nb::handle offset,
       for (int k = 0; k < 8; ++k) part[k] += T[i * n + j + k] * unknown[j + k];
     for (; j < n; ++j) part[0] += T[i * n + j] * unknown[j];
     const double sum = ((part[0] + part[4]) + (part[1] + part[5])) + ((part[2] + part[6]) + (part[3] + part[7]));
-    zero += 0.0 * sum;
+    sound = sound && std::isfinite(sum);
     tau[i] = sum > most[i] ? most[i] : sum < -most[i] ? -most[i] : sum;
   }
-  if (!(zero == 0.0)) return nb::none();
+  if (!sound) return nb::none();
   PyArray_CLEARFLAGS(reinterpret_cast<PyArrayObject*>(torque.ptr()), NPY_ARRAY_WRITEABLE);
   return torque;
 }

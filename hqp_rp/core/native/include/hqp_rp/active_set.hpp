@@ -24,6 +24,13 @@
 #include "hqp_rp/least_squares.hpp"
 #include "hqp_rp/working_set_guess.hpp"
 
+// What few problems need stays out of the way of the others.
+#if defined(_MSC_VER) && !defined(__clang__)
+#define HQP_APART __declspec(noinline)
+#else
+#define HQP_APART __attribute__((noinline))
+#endif
+
 namespace hqp {
 inline namespace HQP_ISA {
 
@@ -49,6 +56,7 @@ class ActiveSetSearch {
     const int M = rows_.M;
     offsets_ = workspace.counts(p_ + 1);
     tentative_ = workspace.counts(p_ + 1);
+    uneven_ = workspace.counts(p_ + 1);
     offsets_[0] = tentative_[0] = 0;
     offsets_[1] = problem.hard_rows;
     int largest = problem.hard_rows, level = 0;
@@ -75,11 +83,13 @@ class ActiveSetSearch {
     counted_ = workspace.counts(size);
     list_ = workspace.counts(size);
     stays_ = workspace.counts(M + 1);
+    released_ = workspace.counts(M + 1);
     origin_ = workspace.numbers(size);
     target_ = workspace.numbers(size + n_);
     multiplier_ = workspace.numbers(size);
     gradient_ = workspace.numbers(size);
     work_ = workspace.numbers(size + n_);
+    missed_ = workspace.numbers(3 * static_cast<std::size_t>(M)), hidden_ = missed_ + M, cosine_ = hidden_ + M;
     lengths_ = workspace.numbers(2 * static_cast<std::size_t>(size) + n_);
     point_ = workspace.numbers(width_);
     step_ = workspace.numbers(width_);
@@ -100,12 +110,14 @@ class ActiveSetSearch {
     for (int i = 0; i < p.hard_rows && sound; i += together)
       sound = rows_.load(i, together, p.hard_matrix + static_cast<std::ptrdiff_t>(i) * n_, p.hard_rows - i, p.hard_lower + i,
                          p.hard_upper + i, guessed ? side + i : nullptr);
+    uneven_[0] = together > 1 && rows_.uneven;
     for (int k = 0, level = 1; k < p.levels && sound; ++k, ++level) {
       const std::int64_t r0 = p.offsets[k];
       const int m = static_cast<int>(p.offsets[k + 1] - r0);
       const int* guesses = guessed ? side + p.hard_rows + r0 : nullptr;
       if (tentative_[level]) sound = load_damped(k, level++, guesses);
       sound = sound && rows_.load(offsets_[level], m, p.matrix + r0 * n_, p.rows - static_cast<int>(r0), p.lower + r0, p.upper + r0, guesses);
+      uneven_[level] = rows_.uneven;
     }
     if (!sound) return Outcome::not_finite;
     for (int j = 0; j < width_; ++j) {
@@ -114,7 +126,7 @@ class ActiveSetSearch {
     }
     Outcome outcome = search_levels(go_on);
     for (int j = 0; j < n_; ++j) x[j] = point_[j];
-    if (outcome == Outcome::solved && !keeps_hard_rows(x)) outcome = Outcome::inaccurate;
+    if (outcome == Outcome::solved && !keeps_hard_rows()) outcome = Outcome::inaccurate;
     const bool infeasible = outcome == Outcome::infeasible;
     for (int i = 0; i < p.hard_rows; ++i) side[i] = infeasible ? rows_.conflict[i] : rows_.side[i];
     for (int k = 0, level = 1; k < p.levels; ++k, ++level) {
@@ -140,19 +152,19 @@ class ActiveSetSearch {
     for (int k = 0; k < problem.levels; ++k) levels += damped.of(k) > 0;
     return levels;
   }
-  // Whether x keeps every hard row as it was given, whatever rounding the search allowed for on its way.
-  bool keeps_hard_rows(const double* x) const {
-    double size = 0.0;
-    for (int j = 0; j < n_; ++j) size += x[j] * x[j];
-    size = std::sqrt(size);
+  // Whether the point keeps every hard row as it was given, whatever rounding the search allowed for on its way.
+  bool keeps_hard_rows() const {
+    const double size = length(point_);
     for (int i = 0; i < problem_.hard_rows; ++i) {
       const double* a = problem_.hard_matrix + static_cast<std::ptrdiff_t>(i) * n_;
-      double value = 0.0, square = 0.0;
-      for (int j = 0; j < n_; ++j) value += a[j] * x[j], square += a[j] * a[j];
+      const double value = dot_anywhere(a, point_, n_);
       const double low = problem_.hard_lower[i], up = problem_.hard_upper[i];
       const double over = std::max(value - up, low - value);
+      if (!(over > 0.0)) continue;
       const double b = value > up ? up : low;
-      if (over > 0.0 && over > tolerance::hard_kept * (std::sqrt(square) * size + std::fabs(b))) return false;
+      double square = 0.0;
+      for (int j = 0; j < n_; ++j) square += a[j] * a[j];
+      if (over > tolerance::hard_kept * (std::sqrt(square) * size + std::fabs(b))) return false;
     }
     return true;
   }
@@ -172,7 +184,9 @@ class ActiveSetSearch {
       up[i] = i < m ? problem_.upper[r0 + i] : d;
       if (guess) guess[i] = i < m ? guesses[i] : 0;
     }
-    return rows_.load(offsets_[level], m + r, rows, m + r, low, up, guess);
+    const bool sound = rows_.load(offsets_[level], m + r, rows, m + r, low, up, guess);
+    uneven_[level] = rows_.uneven;
+    return sound;
   }
   // What the damped level k reached is what its own rows, level k + 1, are to keep; the damping rows and the copies beside them are done.
   void keep_reached(int k, double size) {
@@ -221,9 +235,12 @@ class ActiveSetSearch {
         rows_.turned[row] = levels;
         if (begun < 0) copy(rows_.T[row], rows_.R[row], width_);
       }
-      for (int k = std::max(begun, 0); k < levels; ++k) {
-        reflect_rows_by_all(rows_.T, i, end, done_.below(first_[k]), first_[k + 1] - first_[k], column_[k], width_);
-        for (int row = i; row < end && turns_[k].r; ++row) turns_[k].forward(rows_.T[row], work_);
+      for (int k = std::max(begun, 0); k < levels;) {
+        int last = k;  // levels whose reflectors stand in neighbouring columns are applied together
+        while (last + 1 < levels && !turns_[last].r && column_[last + 1] == column_[last] + first_[last + 1] - first_[last]) ++last;
+        reflect_rows_by_all(rows_.T, i, end, done_.below(first_[k]), first_[last + 1] - first_[k], column_[k], width_);
+        for (int row = i; row < end && turns_[last].r; ++row) turns_[last].forward(rows_.T[row], work_);
+        k = last + 1;
       }
       i = end;
     }
@@ -290,6 +307,101 @@ class ActiveSetSearch {
     *pivot = d.smallest;
     return d.rank;
   }
+  // The same for a level of rows of very different length, whose rank is proven, and what its counted rows then miss by: the part of
+  // `target` in the orthogonal complement of the factor, which is accurate in each row's own length (Cox and Higham 1998) where the
+  // difference of value and bound is not. By row: missed <- that, cosine <- how much of the row is in that complement, hidden <- what
+  // rounding of the factor may add.
+  HQP_APART void answer_uneven(int top, int count, int c, int r) {
+    Workspace::Scope scope(workspace_);
+    int* order = workspace_.counts(count);
+    const auto row_of = [&](int i) { return counted_[static_cast<int>(origin_[top + i]) - top]; };
+    for (int i = 0; i < count; ++i) order[i] = i;
+    std::sort(order, order + count, [&](int i, int j) { return rows_.norm[row_of(i)] > rows_.norm[row_of(j)]; });
+    Matrix T = make_matrix(workspace_, r, count), V = make_matrix(workspace_, r, count);
+    double *right = workspace_.numbers(T.stride), *unit = workspace_.numbers(T.stride);
+    double *column = workspace_.numbers(r), *lengths = workspace_.numbers(2 * static_cast<std::size_t>(r));
+    for (int q = 0; q < T.stride; ++q) right[q] = q < count ? target_[order[q]] : 0.0;
+    for (int j = 0; j < r; ++j) {
+      column[j] = j;
+      for (int q = 0; q < T.stride; ++q) T[j][q] = q < count ? matrix_[top + order[q]][c + j] : 0.0;
+    }
+    const int steps = lq(T, 0, r, 0, count, column, 0.0, V, lengths, T.stride);
+    for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
+    for (int j = steps - 1; j >= 0; --j) {
+      double s = right[j];
+      for (int i = j + 1; i < steps; ++i) s -= T[i][j] * step_[c + static_cast<int>(column[i])];
+      step_[c + static_cast<int>(column[j])] = s / T[j][j];
+    }
+    for (int j = 0; j < steps; ++j) right[j] = 0.0;
+    for (int j = steps - 1; j >= 0; --j) reflect(right, V[j], j, T.stride);
+    double pulls = 0.0;
+    for (int q = 0; q < count; ++q) {
+      const int row = row_of(order[q]);
+      missed_[row] = -right[q];
+      pulls += std::fabs(right[q]) * rows_.norm[row];
+    }
+    // Q^T e_q: behind the triangle how the row reaches the complement; before it, over the triangle, column q of the pseudo-inverse.
+    for (int q = 0; q < count; ++q) {
+      for (int l = 0; l < T.stride; ++l) unit[l] = l == q ? 1.0 : 0.0;
+      for (int j = 0; j < steps; ++j) reflect(unit, V[j], j, T.stride);
+      double cosine = 0.0, inverse = 0.0;
+      for (int l = steps; l < count; ++l) cosine += unit[l] * unit[l];
+      for (int j = steps - 1; j >= 0; --j) {
+        for (int i = j + 1; i < steps; ++i) unit[j] -= T[i][j] * unit[i];
+        unit[j] /= T[j][j];
+        inverse += unit[j] * unit[j];
+      }
+      const int row = row_of(order[q]);
+      cosine_[row] = std::sqrt(cosine);
+      hidden_[row] = tolerance::row_rounding * std::sqrt(inverse) * pulls;
+    }
+    precise_ = true;
+  }
+  // hidden (by row) <- what rounding may add to what a counted row misses by, at an x of this size.
+  HQP_APART void bound_hidden(int count, double size) {
+    double total = 0.0;
+    for (int i = 0; i < count; ++i) {
+      const int row = counted_[i];
+      total += cosine_[row] * tolerance::row_rounding * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
+    }
+    pull_ = hidden_pull_ = 0.0;
+    doubtful_ = false;
+    for (int i = 0; i < count; ++i) {
+      const int row = counted_[i];
+      hidden_[row] += cosine_[row] * total;
+      pull_ = std::max(pull_, std::fabs(missed_[row]) * rows_.norm[row]);
+      hidden_pull_ += hidden_[row] * rows_.norm[row];
+      doubtful_ = doubtful_ || hidden_[row] > tolerance::hidden_row * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
+    }
+  }
+  // What a counted row misses by after the whole step; what rounding can explain is 0.
+  double missed_by(int row, double size) const {
+    if (!precise_) return rows_.residual(row, size);
+    return std::fabs(missed_[row]) > hidden_[row] ? missed_[row] : 0.0;
+  }
+  // A row of the level at its bound that rounding keeps from telling whether it holds others back there, because others beside it are at
+  // their bounds too; -1 for none. Without it they tell.
+  int hidden_row(int count) const {
+    for (int i = 0; i < count; ++i) {
+      const int row = counted_[i];
+      if (!rows_.equality(row) && !released_[row] && std::fabs(missed_[row]) <= hidden_[row] &&
+          hidden_[row] * rows_.norm[row] > tolerance::hidden_pull * pull_)
+        return row;
+    }
+    return -1;
+  }
+  // Releases such a row, once in a level; where none is left to release and what is hidden still weighs, the answer is to be verified.
+  bool release_hidden(int count, double residual) { return precise_ && residual > 0.0 && release_one(count); }
+  HQP_APART bool release_one(int count) {
+    const int row = hidden_row(count);
+    if (row >= 0) {
+      rows_.release(row);
+      released_[row] = 1;
+    } else if (doubtful_ || hidden_pull_ > tolerance::hidden_pull * pull_) {
+      smallest = 0.0;
+    }
+    return row >= 0;
+  }
   void turn_back(double* v, int count, int c0) {
     for (int t = count - 1; t >= 0; --t) reflect(v, V_[t], c0 + t, width_);
   }
@@ -354,6 +466,7 @@ class ActiveSetSearch {
   struct Minimized {
     int reflectors = 0, rank = 0;
     double sought = 0.0, pivot = infinite;
+    bool to_bounds = false;  // held rows are not at their bounds yet
   };
   // step <- the way to the minimizer over the working set, from the factored held rows; factors the counted ones (at `top`).
   //
@@ -361,6 +474,7 @@ class ActiveSetSearch {
   Minimized step_to_minimizer(int k, int r0, int r1, bool last, int top, int nW, int nB, int c0, double size, Turn& turn) {
     Minimized found;
     turn.r = 0;
+    precise_ = false;
     if (last) {
       toward_goal(k, step_);
       for (int j = 0; j < c0; ++j) step_[j] = 0.0;
@@ -373,10 +487,28 @@ class ActiveSetSearch {
     for (int i = 0; i < nW; ++i) {  // held rows go (back) to their bounds
       const int row = held_[static_cast<int>(origin_[i])];
       double s = -rows_.residual(row, size) / rows_.norm[row];
+      found.to_bounds = found.to_bounds || s != 0.0;
       const double* l = matrix_[i] + c0;
       for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
       step_[c0 + i] = s / l[i];
       if (last) gradient_[i] += step_[c0 + i];
+    }
+    if (nB && nB > n_ - c0 - nW && n_ - c0 - nW > 1 && !unproven_) {  // nothing is free behind it: one QR of its rows will do
+      const int d = n_ - c0 - nW;
+      for (int i = 0; i < nB; ++i) {
+        double s = rows_.bound(counted_[i]) - rows_.value[counted_[i]];
+        found.sought = std::max(found.sought, std::fabs(s));
+        for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
+        target_[i] = s;
+      }
+      const Factored f = tall_level(matrix_, top, nB, c0 + nW, d, rows_.level_norm(r0, r1), tol_, target_, step_ + c0 + nW, workspace_);
+      if (f.proven) {
+        found.rank = d;
+        found.pivot = f.smallest;
+        turn_back(step_, nW, c0);
+        return found;
+      }
+      unproven_ = true;
     }
     if (nB) {
       const Factored f = factor_own(r0, r1, top, nB, top + nB, c0 + nW, nW);
@@ -388,7 +520,14 @@ class ActiveSetSearch {
         target_[i] = s;
       }
       found.reflectors = f.reflectors;
-      found.rank = answer_level(k, r0, r1, top, nB, c0 + nW, f, turn, &found.pivot);
+      if (uneven_[k] && f.proven && f.reflectors < nB) {
+        found.rank = f.reflectors;
+        found.pivot = f.smallest;
+        answer_uneven(top, nB, c0 + nW, f.reflectors);
+        bound_hidden(nB, size + found.sought + length(step_));
+      } else {
+        found.rank = answer_level(k, r0, r1, top, nB, c0 + nW, f, turn, &found.pivot);
+      }
       if (turn.r) {
         for (int j = found.rank; j < turn.r; ++j) step_[c0 + nW + j] = 0.0;
         turn.back(step_, work_);
@@ -466,7 +605,7 @@ class ActiveSetSearch {
   // Multipliers of held rows from L^T multiplier = -gradient; returns the largest residual, or in the last level ||gradient||.
   double multipliers(int top, int nW, int nB, int c0, bool last, double size) {
     double residual = 0.0;
-    for (int i = 0; i < nB; ++i) residual = std::max(residual, std::fabs(rows_.residual(counted_[i], size)));
+    for (int i = 0; i < nB; ++i) residual = std::max(residual, std::fabs(missed_by(counted_[i], size)));
     for (int i = 0; i < nW; ++i) multiplier_[i] = 0.0;
     if (last) {
       residual = 0.0;
@@ -477,7 +616,7 @@ class ActiveSetSearch {
     if (!last) {
       for (int j = 0; j < nW; ++j) gradient_[j] = 0.0;
       for (int i = 0; i < nB; ++i) {
-        const double w = rows_.residual(counted_[static_cast<int>(origin_[top + i]) - top], size);
+        const double w = missed_by(counted_[static_cast<int>(origin_[top + i]) - top], size);
         for (int j = 0; j < nW; ++j) gradient_[j] += w * matrix_[top + i][c0 + j];
       }
     }
@@ -490,7 +629,7 @@ class ActiveSetSearch {
   }
   // How far inside its bounds a counted row of the level is, > 0 when it should not count.
   double wrong_of_level(int row, double size) const {
-    return rows_.equality(row) ? 0.0 : -rows_.residual(row, size) * rows_.side[row];
+    return rows_.equality(row) ? 0.0 : -missed_by(row, size) * rows_.side[row];
   }
   double wrong_of_held(int i, double floor) const {
     const double wrong = -multiplier_[i] * rows_.side[held_[i]];
@@ -498,9 +637,9 @@ class ActiveSetSearch {
   }
   // Releases a row, or turns it to its other bound when a step carried it across a narrow band.
   void leave(int row) {
-    if (rows_.state[row] != Rows::kept && rows_.value[row] < rows_.low[row])
+    if (rows_.state[row] != Rows::kept && rows_.side[row] > 0 && rows_.value[row] < rows_.low[row])
       rows_.side[row] = -1;
-    else if (rows_.state[row] != Rows::kept && rows_.value[row] > rows_.up[row])
+    else if (rows_.state[row] != Rows::kept && rows_.side[row] < 0 && rows_.value[row] > rows_.up[row])
       rows_.side[row] = 1;
     else
       rows_.release(row);
@@ -508,6 +647,7 @@ class ActiveSetSearch {
   // What of a multiplier is rounding error. Damping rows weigh against residuals of the level's own rows that they alone leave, and
   // those are known to the rounding of the rows' values.
   double floor_of(int k, double residual, double size) const {
+    if (precise_) return tolerance::multiplier_rounding * pull_ + hidden_pull_;
     const double floor = tolerance::multiplier_rounding * std::max(residual, tolerance::eps * size);
     return tentative(k) ? std::max(floor, tolerance::row_rounding * size) : floor;
   }
@@ -613,10 +753,12 @@ class ActiveSetSearch {
   Searched search_level(int k, int r0, int r1, bool last, int nW, int c0, bool pivoted) {
     const int end = r1;
     const int most = n_ - c0;
+    unproven_ = k < p_ && uneven_[k];  // those are answered row by row
     int blocks = block_pivots;
     int idle = 0, last_left = -1;
     bool guess = true;
     for (int i = 0; i < end; ++i) stays_[i] = 0;
+    for (int i = r0; i < r1; ++i) released_[i] = 0;
     for (int i = r0; i < r1; ++i) guess = guess && rows_.equality(i);
     for (;;) {
       const bool bland = idle > n_;
@@ -634,7 +776,7 @@ class ActiveSetSearch {
       double size = begun + m.sought;  // the rounding error of what the step is after counts like that of x
       from_free(k);
       const double span = length(step_);
-      const bool moves = span > tolerance::step_rounding * size;
+      const bool moves = m.to_bounds || span > tolerance::step_rounding * size;
       if (moves)
         rows_.try_step(move_, end, r0);
       else
@@ -663,7 +805,12 @@ class ActiveSetSearch {
         nW = crossed.nW;
         if (crossed.rows == 0) {
           if (moves && !move_to_next(now)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
-          if (left == 0 && !(moves && came_from_afar(end, begun, now)))
+          const bool stayed = left == 0 && !(moves && came_from_afar(end, begun, now));
+          if (stayed && release_hidden(nB, residual)) {
+            pivoted = true;
+            continue;
+          }
+          if (stayed)
             return {Outcome::solved, nW, before, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
         } else {
           rows_.set_length(end, r0, 0.0);
@@ -695,6 +842,7 @@ class ActiveSetSearch {
       const double residual = multipliers(top, nW, nB, c0, last, size);
       const double doubt = doubt_after(idle);
       const int worst = row_to_leave(k, nW, nB, residual, size, idle > n_, doubt);
+      if (worst < 0 && release_hidden(nB, residual)) continue;
       if (worst < 0 && doubt > 1.0) smallest = 0.0;  // to be verified
       if (worst < 0) return {Outcome::solved, nW, nW, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
       leave(worst);
@@ -715,7 +863,8 @@ class ActiveSetSearch {
       double pull = 0.0;
       for (int i = r0; i < r1; ++i)
         if (rows_.working[i]) pull = std::max(pull, rows_.norm[i] * rows_.norm[i]);
-      const double floor = std::max(tolerance::multiplier_rounding * residual, tolerance::row_rounding * pull * size);
+      const double floor = precise_ ? tolerance::multiplier_rounding * pull_ + hidden_pull_
+                                    : std::max(tolerance::multiplier_rounding * residual, tolerance::row_rounding * pull * size);
       int still = 0;
       for (int i = 0; i < nW; ++i) {
         const int row = held_[i];
@@ -734,7 +883,7 @@ class ActiveSetSearch {
       const bool working = rows_.working[i] != 0;
       const bool equality = rows_.equality(i);
       const bool hard = i < problem_.hard_rows;
-      const double w = working && (hard || !equality) ? rows_.residual(i, size) : 0.0;
+      const double w = working && (hard || !equality) ? missed_by(i, size) : 0.0;
       if (working && (equality || w != 0.0)) {
         rows_.state[i] = Rows::fixed;
         counted_[count++] = i;
@@ -765,6 +914,7 @@ class ActiveSetSearch {
       if (c0 == n_) break;
       rows_.set_values(point_, r0, r1);
       if (!enter_level(r0, r1, size) && !last) {  // met where the search stands
+        precise_ = false;
         settle(r0, r1, nW, 0.0, size);
         keep_turns(k, 0, Turn{}, c0);
         continue;
@@ -773,6 +923,7 @@ class ActiveSetSearch {
       const int started = nW;
       nW = enter_guessed(r0, nW, n_ - c0);
       Searched s{Outcome::solved, nW, 0, 0, 0, 0, 0.0, infinite, size, {}};
+      precise_ = false;
       Met met{false, true, nW, 0, 0.0, 0.0};
       if (!last) met = meet_level(k, r0, r1, nW, c0);
       if (!met.sound) return Outcome::not_finite;
@@ -827,6 +978,8 @@ class ActiveSetSearch {
     s.rank = answer_level(k, r0, r1, settled.held, own, c0 + s.factored, f, s.turn, &pivot);
   }
 
+  bool unproven_ = false;  // whether the level that is searched is not left to one QR, or that proved no rank
+
   const Problem& problem_;
   const Damped damped_;
   const W width_;
@@ -837,6 +990,7 @@ class ActiveSetSearch {
   Workspace& workspace_;
   Rows rows_;
   int* offsets_;
+  int* uneven_;       // of each level, whether its rows are of very different length
   int* tentative_;    // of each level, whether it is a damped one, followed by its own rows
   Matrix matrix_;     // held rows and counted rows of a step, factored
   Matrix V_;          // their reflectors, one for each column from the level's first on
@@ -845,11 +999,17 @@ class ActiveSetSearch {
   Turn* turns_;       // what singular values turned after them
   int *first_, *column_;
   int *held_, *counted_, *list_;
+  int* released_;     // rows of the level that were released as hidden
   int* stays_;        // rows that came back at once when they left: their multiplier is rounding error until x moves
   double* origin_;    // which listed row stands where after the factorization's swaps
   double* target_;
   double* multiplier_;
   double* gradient_;
+  // Of each counted row of an uneven level: what it misses by, what of that may be rounding error, see `answer_uneven`.
+  double *missed_, *hidden_, *cosine_;
+  double pull_ = 0.0, hidden_pull_ = 0.0;  // the most that a counted row pulls, and what of multipliers may be rounding error
+  bool doubtful_ = false;  // whether rounding may move a counted row of that level visibly
+  bool precise_ = false;   // whether these are those of the last step
   double *work_, *lengths_;
   double *point_, *step_, *move_, *next_, *goal_;
 };

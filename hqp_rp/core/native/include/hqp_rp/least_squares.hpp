@@ -9,6 +9,18 @@
 namespace hqp {
 inline namespace HQP_ISA {
 
+// y (r,) <- the minimizer of ||C y - t|| for C^T (r, padded m) that `lq` factored as T, all r rows of it or the first `steps`, `order`
+// saying which row stands where; right (padded m,) holds t padded with zeros, and is overwritten.
+inline void tall_answer(Matrix T, Matrix V, int r, int steps, const double* order, double* right, double* y) {
+  for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
+  for (int i = steps - 1; i >= 0; --i) {
+    const double* HQP_RESTRICT row = T[i];
+    const double s = right[i] /= row[i];
+    for (int j = 0; j < i; ++j) right[j] -= row[j] * s;
+  }
+  for (int j = 0; j < r; ++j) y[static_cast<int>(order[j])] = j < steps ? right[j] : 0.0;
+}
+
 // min ||C y - t|| for C (m, r) of full column rank, m >= r, given by T = C^T (r, padded m), overwritten; right (padded m,) holds t
 // padded with zeros. y (r,) is written.
 //
@@ -21,13 +33,41 @@ inline void tall_least_squares(Matrix T, int r, int m, double* right, double* y,
   Matrix V = make_matrix(workspace, r, m);
   for (int j = 0; j < r; ++j) order[j] = j;
   const int steps = lq(T, 0, r, 0, m, order, 0.0, V, lengths, T.stride);
-  for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
-  for (int j = r - 1; j >= 0; --j) {
-    double s = j < steps ? right[j] : 0.0;
-    for (int i = j + 1; i < steps; ++i) s -= T[i][j] * right[i];
-    right[j] = j < steps ? s / T[j][j] : 0.0;
+  tall_answer(T, V, r, steps, order, right, y);
+}
+
+// y (d,) <- the minimizer of ||C y - t||, C being rows r0 ... r0 + m - 1 of A from column c0 on, d <= m columns, where one QR proves
+// that no singular value is <= tol * norm; A and t (m,) stay as they are. Where it does not, `proven` is false and y not written.
+inline Factored tall_level(Matrix A, int r0, int m, int c0, int d, double norm, double tol, const double* t, double* y,
+                           Workspace& workspace) {
+  Workspace::Scope scope(workspace);
+  Matrix T = make_matrix(workspace, d, m);
+  Matrix V = make_matrix(workspace, d, m);
+  double* right = workspace.numbers(T.stride);
+  double* squares = workspace.numbers(m);
+  double* order = workspace.numbers(d);
+  double* lengths = workspace.numbers(2 * d);
+  int* rows = workspace.counts(m);
+  for (int i = 0; i < m; ++i) {
+    squares[i] = square_from(A[r0 + i], c0, A.stride);
+    rows[i] = i;
   }
-  for (int j = 0; j < r; ++j) y[static_cast<int>(order[j])] = right[j];
+  std::sort(rows, rows + m, [squares](int a, int b) { return squares[a] > squares[b] || (squares[a] == squares[b] && a < b); });
+  for (int i = 0; i < T.stride; ++i) {
+    if (i < m) {
+      const double* from = A[r0 + rows[i]] + c0;
+      for (int j = 0; j < d; ++j) T[j][i] = from[j];
+      right[i] = t[rows[i]];
+    } else {
+      for (int j = 0; j < d; ++j) T[j][i] = 0.0;
+      right[i] = 0.0;
+    }
+  }
+  for (int j = 0; j < d; ++j) order[j] = j;
+  Factored f = factor_level(T, 0, d, 0, m, order, norm, tol, V, lengths, T.stride);
+  f.proven = f.proven && f.reflectors == d;
+  if (f.proven) tall_answer(T, V, d, d, order, right, y);
+  return f;
 }
 
 // t[:r] <- the y of min ||L y - t|| for the factor L (m, r) that `lq` left in rows r0 ... r0 + m - 1, of full column rank.

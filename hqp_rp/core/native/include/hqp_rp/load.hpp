@@ -1,7 +1,9 @@
 // A level's rows loaded into padded rows, scaled by a power of two where their size would overflow when squared.
 #pragma once
 
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "hqp_rp/matrix.hpp"
@@ -23,6 +25,44 @@ HQP_INLINE void load_row(double* to, const double* from, int n, int rows_left, W
   }
   for (; j < n; ++j) to[j] = from[j];
   for (; j < width; ++j) to[j] = 0.0;
+}
+
+// The same times `factor`.
+template <class W>
+HQP_INLINE void load_scaled_row(double* to, const double* from, int n, int rows_left, double factor, W width) {
+  const Lane f = Lane::all(factor);
+  int j = 0;
+  for (; j + lanes <= n; j += lanes) (Lane::load_anywhere(from + j) * f).store(to + j);
+  if (j >= width) return;
+  if (j + lanes <= static_cast<std::ptrdiff_t>(n) * rows_left) {
+    (Lane::load_anywhere(from + j) * (f - ones_from(n) * f)).store(to + j);
+    return;
+  }
+  for (; j < n; ++j) to[j] = from[j] * factor;
+  for (; j < width; ++j) to[j] = 0.0;
+}
+
+// The squared length of such a row, where it stands.
+HQP_INLINE double square_anywhere(const double* from, int n, int rows_left) {
+  Lane s = Lane::all(0.0);
+  int j = 0;
+  for (; j + lanes <= n; j += lanes) {
+    const Lane v = Lane::load_anywhere(from + j);
+    s = s + v * v;
+  }
+  if (j < n && j + lanes <= static_cast<std::ptrdiff_t>(n) * rows_left) {
+    const Lane v = Lane::load_anywhere(from + j) * (Lane::all(1.0) - ones_from(n));
+    return (s + v * v).sum();
+  }
+  double total = s.sum();
+  for (; j < n; ++j) total += from[j] * from[j];
+  return total;
+}
+
+// The power of two that brings x, a normal number of which the inverse is one too, into [1/2, 1).
+HQP_INLINE double inverse_power_of_two(double x) {
+  const std::uint64_t exponent = std::bit_cast<std::uint64_t>(x) >> 52;
+  return std::bit_cast<double>((2045 - exponent) << 52);
 }
 
 struct Loaded {

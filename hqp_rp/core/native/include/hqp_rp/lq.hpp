@@ -65,7 +65,7 @@ HQP_INLINE int lq(Matrix A, int r0, int r1, int c0, int n, double* companion, do
   return steps;
 }
 
-// 1 / ||L^-1||_F, a rigorous bound below the smallest singular value of the leading r x r triangle. `column` (r,).
+// ||L^-1||_F, whose inverse is a rigorous bound below the smallest singular value of the leading r x r triangle. `column` (r,).
 HQP_INLINE double inverse_norm(Matrix L, int r0, int c0, int r, double* column) {
   double total = 0.0;
   for (int j = 0; j < r; ++j) {
@@ -78,6 +78,20 @@ HQP_INLINE double inverse_norm(Matrix L, int r0, int c0, int r, double* column) 
     }
   }
   return std::sqrt(total);
+}
+
+// A rigorous bound above ||L^-1||_2 for the leading r x r triangle in r^2 operations: |L^-1| <= M(L)^-1 entry by entry, M(L) the
+// comparison matrix. Source: Higham 2002, theorem 8.12. `y` (r,).
+HQP_INLINE double inverse_bound(Matrix L, int r0, int c0, int r, double* y) {
+  double largest = 0.0;
+  for (int i = 0; i < r; ++i) {
+    const double* row = L[r0 + i] + c0;
+    double s = 1.0;
+    for (int l = 0; l < i; ++l) s += std::fabs(row[l]) * y[l];
+    y[i] = s / std::fabs(row[i]);
+    largest = std::max(largest, y[i]);
+  }
+  return std::sqrt(static_cast<double>(r)) * largest;
 }
 
 struct Factored {
@@ -101,6 +115,7 @@ HQP_INLINE Factored factor_level(Matrix A, int r0, int r1, int c0, int n, double
   // Pivoting leaves |L_ij| <= |L_jj| (up to rounding, hence 2), so that ||L^-1||_2 <= sqrt(4^r + 6 r - 1) / (3 min |L_jj|)
   // (Higham 2002, theorem 8.14).
   if (r <= 30 && 2.0 * tol * norm * std::sqrt(std::ldexp(1.0, 2 * r) + 6.0 * r - 1.0) < 3.0 * smallest) return {r, true, smallest};
+  if (tol * norm * inverse_bound(A, r0, c0, r, lengths) < 1.0) return {r, true, smallest};
   return {r, tol * norm * inverse_norm(A, r0, c0, r, lengths) < 1.0, smallest};
 }
 

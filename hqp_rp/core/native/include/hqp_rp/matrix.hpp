@@ -49,6 +49,33 @@ HQP_INLINE double dot(const double* a, const double* b, int first, W width) {
   return s.sum();
 }
 
+// out[r] <- row i + r of A . b for eight rows, at most `rows` of which there are: the last stands in for those behind it.
+template <class W>
+HQP_INLINE void eight_dots(Matrix A, int i, int rows, const double* b, double* out, W width) {
+  const double* row[lanes];
+  Lane s[lanes];
+  const Lane first = Lane::load(b);
+  for (int r = 0; r < lanes; ++r) {
+    row[r] = A[i + r < rows ? i + r : rows - 1];
+    s[r] = Lane::load(row[r]) * first;
+  }
+  for (int j = lanes; j < width; j += lanes) {
+    const Lane x = Lane::load(b + j);
+    for (int r = 0; r < lanes; ++r) s[r] = s[r] + Lane::load(row[r] + j) * x;
+  }
+  sums(s, out);
+}
+
+// a . b for n numbers of which only b stands on a boundary of 64 bytes.
+HQP_INLINE double dot_anywhere(const double* a, const double* b, int n) {
+  int j = 0;
+  Lane s = Lane::all(0.0);
+  for (; j + lanes <= n; j += lanes) s = s + Lane::load_anywhere(a + j) * Lane::load(b + j);
+  double total = s.sum();
+  for (; j < n; ++j) total += a[j] * b[j];
+  return total;
+}
+
 // ||a[first:]||^2.
 template <class W>
 HQP_INLINE double square_from(const double* a, int first, W width) {
@@ -120,9 +147,13 @@ HQP_INLINE void multiply(Matrix C, Matrix A, Matrix B, int rows, int inner, W wi
   }
 }
 
+// Zero times anything finite is zero; times nan or infinity it is nan, which no sum loses.
 HQP_INLINE bool finite(const double* x, int n) {
-  double total = 0.0;
-  for (int j = 0; j < n; ++j) total += 0.0 * x[j];
+  Lane part = Lane::all(0.0);
+  int j = 0;
+  for (; j + lanes <= n; j += lanes) part = part + Lane::load_anywhere(x + j) * Lane::all(0.0);
+  double total = part.sum();
+  for (; j < n; ++j) total += 0.0 * x[j];
   return total == 0.0;
 }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "hqp_rp/dual.hpp"
+#include "hqp_rp/finite.hpp"
 #include "hqp_rp/joint_box.hpp"
 #include "hqp_rp/rotation.hpp"
 
@@ -53,18 +54,10 @@ class TaskRowsOf {
       }
       for (int i = 0; upper && i < item.rows; ++i) upper[item.first + i] = lower[item.first + i];
     }
-    // Zero times anything finite is zero; times nan or infinity it is nan, which no sum loses.
-    double total = 0.0;
-    for (std::ptrdiff_t i = 0; i < M * n; ++i) total += 0.0 * matrix[i];
-    bool sound = true;
+    bool sound = all_finite(matrix, M * n) && (upper || all_finite(lower, M));
     const double infinity = std::numeric_limits<double>::infinity();
-    for (std::int64_t i = 0; i < M; ++i) {
-      if (!upper)
-        total += 0.0 * lower[i];
-      else
-        sound = sound && lower[i] <= upper[i] && lower[i] < infinity && upper[i] > -infinity;
-    }
-    return sound && total == 0.0;
+    for (std::int64_t i = 0; upper && i < M; ++i) sound = sound && lower[i] <= upper[i] && lower[i] < infinity && upper[i] > -infinity;
+    return sound;
   }
 
   // The rows of one task of frames, (m, n), and its rates (m,); false for postures and boxes, which name velocities.

@@ -35,6 +35,16 @@ constexpr double reached = 1e-12;
 // An answer that passes a hard row by more than this part of ||a_i|| ||x|| + |bound| is not called solved.
 constexpr double hard_kept = 1e-10;
 
+// Rows of a level whose lengths are further apart than this: what a long one misses by can balance what a short one misses by, although
+// it is less than the rounding error of the long row's value.
+constexpr double uneven = 100.0;
+
+// Rows at their bound that could hide this part of a level's pull behind their rounding error are not all counted.
+constexpr double hidden_pull = 1e-6;
+
+// Where rounding may move a row of an uneven level by this part of ||a_i|| ||x|| + |bound|, the answer is verified.
+constexpr double hidden_row = 1e-9;
+
 // A step shorter than this part of ||x|| is rounding error.
 constexpr double step_rounding = 4.0 * eps;
 
@@ -88,6 +98,9 @@ constexpr double step_cost = 1e-5;
 
 // Half of the least that `certify` allows for what rounding turns.
 constexpr double proof_noise = 8.0 * eps;
+
+// Rows of a level of which ||a_i|| ||x|| + |bound_i| are further apart than this are judged by themselves too, as in `certify`.
+constexpr double far_targets = 1e6;
 
 // A multiplier above this part of its level's pull keeps its row at the bound for every later level.
 constexpr double firm = 1e-4;

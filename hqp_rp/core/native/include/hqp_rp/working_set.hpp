@@ -39,6 +39,7 @@ struct WorkingRows {
   int* conflict;   // 1 for a hard row of a contradiction
   int* turned;     // by how many finished levels row i of T is turned, -1 when it has not been needed
   int* side;       // the bound at which a row is active: -1 lower, +1 upper (an equality has both), 0 none
+  bool uneven = false;  // whether the rows that were loaded last are of very different length
 
   WorkingRows(int M_, int n_, W width_, Workspace& workspace) : width(width_), M(M_), n(n_) {
     R = make_matrix(workspace, M, n);
@@ -52,17 +53,18 @@ struct WorkingRows {
   // Rows r0 ... of a level from m rows (of `rows_left` that may be read), their bounds and guesses (null for none); false when a number
   // is not finite.
   bool load(int r0, int m, const double* matrix, int rows_left, const double* lower, const double* upper, const int* guesses) {
-    double longest = 0.0;
+    double longest = 0.0, shortest = infinite;
     bool sound = true;
     for (int i = 0; i < m; ++i) {
-      double* row = R[r0 + i];
-      load_row(row, matrix + static_cast<std::ptrdiff_t>(i) * n, n, rows_left - i, width);
-      norm[r0 + i] = square_from(row, 0, width);
-      longest = longest > norm[r0 + i] ? longest : norm[r0 + i];
-      sound = sound && norm[r0 + i] < 1e240;
+      const double square = square_anywhere(matrix + static_cast<std::ptrdiff_t>(i) * n, n, rows_left - i);
+      norm[r0 + i] = square;
+      longest = longest > square ? longest : square;
+      shortest = shortest < square ? shortest : square;
+      sound = sound && square < 1e240;
     }
     double scale = 1.0;
-    if (!sound || !(longest > 1e-240)) {  // far from one, or not a number: once more, from the largest entry
+    const bool usual = sound && longest > 1e-240;
+    if (!usual) {  // far from one, or not a number, be it the next row's: once more, from the largest entry
       double largest = 0.0;
       for (std::ptrdiff_t i = 0; i < static_cast<std::ptrdiff_t>(m) * n; ++i) {
         const double a = std::fabs(matrix[i]);
@@ -74,17 +76,27 @@ struct WorkingRows {
         std::frexp(largest, &exponent);
         scale = std::ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
       }
-      longest = 0.0;
+      longest = 0.0, shortest = infinite;
       for (int i = 0; i < m; ++i) {
         for (int j = 0; j < width; ++j) R[r0 + i][j] = j < n ? matrix[static_cast<std::ptrdiff_t>(i) * n + j] * scale : 0.0;
         norm[r0 + i] = square_from(R[r0 + i], 0, width);
         longest = longest > norm[r0 + i] ? longest : norm[r0 + i];
+        shortest = shortest < norm[r0 + i] ? shortest : norm[r0 + i];
       }
     }
-    if (longest > 0.0) {
-      int exponent = 0;
-      std::frexp(std::sqrt(longest), &exponent);
-      const double more = std::ldexp(1.0, -exponent);
+    if (shortest == 0.0) {  // rows of zeros do not count
+      shortest = infinite;
+      for (int i = r0; i < r0 + m; ++i) shortest = norm[i] > 0.0 && norm[i] < shortest ? norm[i] : shortest;
+    }
+    uneven = longest > tolerance::uneven * tolerance::uneven * shortest;
+    if (usual) {
+      const double more = scale = inverse_power_of_two(std::sqrt(longest));
+      for (int i = 0; i < m; ++i) {
+        load_scaled_row(R[r0 + i], matrix + static_cast<std::ptrdiff_t>(i) * n, n, rows_left - i, more, width);
+        norm[r0 + i] = std::sqrt(norm[r0 + i]) * more;
+      }
+    } else if (longest > 0.0) {
+      const double more = inverse_power_of_two(std::sqrt(longest));
       scale *= more;
       for (int i = r0; i < r0 + m; ++i) {
         scale_row(R[i], more, width);
@@ -143,18 +155,30 @@ struct WorkingRows {
   bool takes_part(int i, int r0) const { return i >= r0 || state[i] == kept; }
 
   void set_values(const double* point, int r0, int r1) {
-    for (int i = r0; i < r1; ++i) value[i] = dot(R[i], point, 0, width);
+    double dots[lanes];
+    for (int i = r0; i < r1; i += lanes) {
+      eight_dots(R, i, r1, point, dots, width);
+      for (int j = i; j < std::min(i + lanes, r1); ++j) value[j] = dots[j - i];
+    }
   }
   // Values of every kept row and of the rows r0 ... end - 1 after a step `move` of x; how many that are not in the working set are
   // then outside their bounds.
   int try_step(const double* move, int end, int r0) {
     int outside = 0;
-    for (int i = 0; i < end; ++i) {
-      if (!takes_part(i, r0)) continue;
-      change[i] = dot(R[i], move, 0, width);
-      before[i] = value[i];
-      value[i] += change[i];
-      if ((value[i] > up[i] || value[i] < low[i]) && !working[i]) ++outside;
+    double dots[lanes];
+    for (int first = 0; first < end; first += lanes) {
+      const int behind = std::min(first + lanes, end);
+      bool any = behind > r0;
+      for (int i = first; i < behind && !any; ++i) any = state[i] == kept;
+      if (!any) continue;
+      eight_dots(R, first, end, move, dots, width);
+      for (int i = first; i < behind; ++i) {
+        if (!takes_part(i, r0)) continue;
+        change[i] = dots[i - first];
+        before[i] = value[i];
+        value[i] += change[i];
+        if ((value[i] > up[i] || value[i] < low[i]) && !working[i]) ++outside;
+      }
     }
     return outside;
   }

@@ -1,0 +1,98 @@
+"""What a stack warns of: what a model says and no item holds, speeds that nothing bounds, limits that contradict each other for
+good."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from hqp_rp.control._displacement import DisplacementLimit
+from hqp_rp.control._row_names import velocity_names
+from hqp_rp.control.joint_coupling import JointCoupling
+from hqp_rp.control.joint_limit import JointLimit
+from hqp_rp.control.limit import VelocityLimit
+from hqp_rp.control.torque_limit import TorqueLimit
+from hqp_rp.core.problem import IntArray
+from hqp_rp.robot.robot import Robot
+
+_NAMED = 5
+
+
+def at_once(limits: Iterable[Any]) -> JointLimit | None:
+    """The first of these limits that asks a joint to stop, or to come back, within one step; None where none does."""
+    return next((limit for limit in limits if isinstance(limit, JointLimit) and limit.stops_at_once), None)
+
+
+def at_once_on(limits: Iterable[Any], robot: Robot, limited: IntArray) -> tuple[JointLimit, list[str]] | None:
+    """The first such limit on this robot and the joints, of those with a torque limit, that it asks so; None for none."""
+    names = velocity_names(robot)
+    torques = set(limited.tolist())
+    for limit in limits:
+        if isinstance(limit, JointLimit):
+            joints = [names[i] for i in limit.stopped_at_once(robot) if i in torques]
+            if joints:
+                return limit, joints
+    return None
+
+
+def warn_of_brakes(limit: JointLimit, joints: Sequence[str] = (), *, stacklevel: int) -> None:
+    """Say that this limit asks more than limited torques may give; joints: whose, where that is known."""
+    whose = _listed(joints) if joints else "joints"
+    warnings.warn(
+        f"{limit.name!r} asks {whose} to stop at a position limit, or to come back to it, within one step, and their torques "
+        "are limited: where they cannot, the problem is INFEASIBLE at every step, at rest too. Give "
+        "JointLimit(acceleration=...) what the torques can deliver, or list it as the first level.",
+        UserWarning,
+        stacklevel=stacklevel + 1,
+    )
+
+
+def warn_of_hard_torques(hard: Sequence[Any]) -> None:
+    """Hard joint limits that look ahead to no brakes, beside hard torque limits."""
+    unbraked = at_once(hard) if any(isinstance(item, TorqueLimit) for item in hard) else None
+    if unbraked is not None:
+        warn_of_brakes(unbraked, stacklevel=3)
+
+
+def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
+    """What the model says of its joints and no item holds is said, in one warning."""
+    told = []
+    holding = [item.couplings for item in items if isinstance(item, JointCoupling)]
+    held = {(coupling.joint, coupling.source) for own in holding for coupling in own or ()}
+    couplings = () if None in holding else getattr(robot, "couplings", ())
+    loose = [coupling.joint for coupling in couplings if (coupling.joint, coupling.source) not in held]
+    if loose:
+        told.append(
+            f"The robot's model says that the joints {_listed(loose)} follow others, which this stack does not hold; add "
+            "JointCoupling() to its limits."
+        )
+    loops = getattr(robot, "loops", ())
+    if loops:
+        told.append(
+            f"The robot's model has the equality constraints {_listed(loops)} (loops), which no stack holds: the answers "
+            "may break them."
+        )
+    if told:
+        warnings.warn(" ".join(told), UserWarning, stacklevel=4)
+
+
+def warn_of_speeds(items: Sequence[Any], robot: Robot) -> None:
+    """Joint limits that take speeds from a model that says none."""
+    if any(isinstance(item, VelocityLimit | DisplacementLimit) for item in items):
+        return
+    for item in items:
+        loose = item.unlimited_speeds(robot) if isinstance(item, JointLimit) else []
+        if loose:
+            warnings.warn(
+                f"{item.name!r} bounds no speed of {_listed(loose)}: the robot's model says no velocity limits, and none "
+                "are given. Give JointLimit(velocity=...), or velocity_limit=... when the robot is loaded; "
+                "JointLimit(velocity=np.inf) where none is what you mean.",
+                UserWarning,
+                stacklevel=4,
+            )
+            return
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names[:_NAMED])) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
