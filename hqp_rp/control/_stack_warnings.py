@@ -3,7 +3,6 @@ good."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -14,6 +13,7 @@ from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.limit import VelocityLimit
 from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.core.problem import IntArray
+from hqp_rp.core.warned import warn
 from hqp_rp.robot.robot import Robot
 
 _NAMED = 5
@@ -36,15 +36,13 @@ def at_once_on(limits: Iterable[Any], robot: Robot, limited: IntArray) -> tuple[
     return None
 
 
-def warn_of_brakes(limit: JointLimit, joints: Sequence[str] = (), *, stacklevel: int) -> None:
+def warn_of_brakes(limit: JointLimit, joints: Sequence[str] = ()) -> None:
     """Say that this limit asks more than limited torques may give; joints: whose, where that is known."""
     whose = _listed(joints) if joints else "joints"
-    warnings.warn(
+    warn(
         f"{limit.name!r} asks {whose} to stop at a position limit, or to come back to it, within one step, and their torques "
         "are limited: where they cannot, the problem is INFEASIBLE at every step, at rest too. Give "
-        "JointLimit(acceleration=...) what the torques can deliver, or list it as the first level.",
-        UserWarning,
-        stacklevel=stacklevel + 1,
+        "JointLimit(acceleration=...) what the torques can deliver, or list it as the first level."
     )
 
 
@@ -52,7 +50,7 @@ def warn_of_hard_torques(hard: Sequence[Any]) -> None:
     """Hard joint limits that look ahead to no brakes, beside hard torque limits."""
     unbraked = at_once(hard) if any(isinstance(item, TorqueLimit) for item in hard) else None
     if unbraked is not None:
-        warn_of_brakes(unbraked, stacklevel=3)
+        warn_of_brakes(unbraked)
 
 
 def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
@@ -74,7 +72,7 @@ def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
             "may break them."
         )
     if told:
-        warnings.warn(" ".join(told), UserWarning, stacklevel=4)
+        warn(" ".join(told))
 
 
 def warn_of_speeds(items: Sequence[Any], robot: Robot) -> None:
@@ -84,12 +82,10 @@ def warn_of_speeds(items: Sequence[Any], robot: Robot) -> None:
     for item in items:
         loose = item.unlimited_speeds(robot) if isinstance(item, JointLimit) else []
         if loose:
-            warnings.warn(
+            warn(
                 f"{item.name!r} bounds no speed of {_listed(loose)}: the robot's model says no velocity limits, and none "
                 "are given. Give JointLimit(velocity=...), or velocity_limit=... when the robot is loaded; "
-                "JointLimit(velocity=np.inf) where none is what you mean.",
-                UserWarning,
-                stacklevel=4,
+                "JointLimit(velocity=np.inf) where none is what you mean."
             )
             return
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Literal
 
 import numpy as np
@@ -11,6 +10,7 @@ from hqp_rp.control._checks import per_row
 from hqp_rp.control._coordinates import coordinate_index, joint_positions
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.warned import warn
 from hqp_rp.robot.robot import Robot
 
 
@@ -86,11 +86,9 @@ class JointLimitPotential:
             )
         balls = getattr(robot, "limited_balls", ())
         if balls:
-            warnings.warn(
+            warn(
                 f"joint-limit potential: the ball joint {balls[0]!r} has a range, which the potential leaves out: it counts "
-                "hinges and slides only.",
-                UserWarning,
-                stacklevel=5,
+                "hinges and slides only."
             )
         self._coordinates = coordinate_index(robot, "joint-limit potential")
         self._mid, self._scale = np.zeros(robot.nv), np.zeros(robot.nv)

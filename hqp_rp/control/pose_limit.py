@@ -110,9 +110,7 @@ class PoseLimit:
             )
         angular = [i for i, axis in enumerate(self._axes) if axis in ANGULAR_AXES]
         named = [f"{which} {self._axes[i]}" for which in ("lower", "upper") for i in angular]
-        warn_of_degrees(
-            repr(self._name), named, np.concatenate((self._lower[angular], self._upper[angular])), stacklevel=2
-        )
+        warn_of_degrees(repr(self._name), named, np.concatenate((self._lower[angular], self._upper[angular])))
         self._origin = pose((np.eye(3), np.zeros(3)) if origin is None else origin, f"the origin of {self._name!r}")
         self._point = frame_point(point, self._name)
         self._approach = Approach(gain, deceleration, return_speed, self._name)

@@ -179,6 +179,4 @@ class PostureTask(FeedbackTask):
         lower, upper = robot.lower[joints], robot.upper[joints]
         outside = (target < lower) | (target > upper) | (np.isinf(upper - lower) & (np.abs(target) > 2.0 * TURN))
         names = velocity_names(robot)
-        warn_of_degrees(
-            f"the target of {self._name!r}", [names[i] for i in joints[outside]], target[outside], stacklevel=6
-        )
+        warn_of_degrees(f"the target of {self._name!r}", [names[i] for i in joints[outside]], target[outside])

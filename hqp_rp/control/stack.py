@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import math
-import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any, TypeAlias
 
@@ -25,6 +24,7 @@ from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_dam
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
 from hqp_rp.core.row_names import ROW_NAMES
+from hqp_rp.core.warned import warn
 from hqp_rp.robot.robot import Robot
 
 Item: TypeAlias = Any
@@ -296,16 +296,14 @@ class Stack:
         """dt as a number; a step that is long, or longer than a gain allows, is said, once for each dt."""
         self._dt = value = positive_number(dt, "dt")
         if value > _LONG:
-            warnings.warn(
-                f"dt is {value:g} s: the answer is meant to be held that long. A rate of {value:g} Hz is dt = {1.0 / value:g}.",
-                UserWarning,
-                stacklevel=3,
+            warn(
+                f"dt is {value:g} s: the answer is meant to be held that long. A rate of {value:g} Hz is dt = {1.0 / value:g}."
             )
             return value
         for where, item in self._places():
             told = self._too_quick(item, value)
             if told is not None:
-                warnings.warn(f"{where}: {item.name!r} has {told}", UserWarning, stacklevel=3)
+                warn(f"{where}: {item.name!r} has {told}")
         return value
 
     def _too_quick(self, item: Any, dt: float) -> str | None:

@@ -147,7 +147,7 @@ class TorqueStack:
         self._warned = False
         unbraked = at_once(self._motion.limits) if self._torque_is_bounded else None
         if unbraked is not None:
-            warn_of_brakes(unbraked, stacklevel=2)
+            warn_of_brakes(unbraked)
             self._warned = True
         self._robot: Robot | None = None
         self._motion_offsets: tuple[IntArray, IntArray] | None = None
@@ -405,7 +405,7 @@ class TorqueStack:
         self._limited = driven[self._limit < math.inf]
         found = None if self._warned else at_once_on(self._motion.limits, robot, self._limited)
         if found is not None:
-            warn_of_brakes(*found, stacklevel=3)
+            warn_of_brakes(*found)
             self._warned = True
         self._contact_rows = ContactRows(robot, self._contacts)
         if not self._contacts:

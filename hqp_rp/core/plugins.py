@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib.metadata
 import inspect
-import warnings
 from typing import TypeVar
+
+from hqp_rp.core.warned import warn
 
 _T = TypeVar("_T")
 
@@ -24,10 +25,8 @@ def plugins(group: str, kind: type[_T], known: dict[str, type[_T]]) -> dict[str,
         try:
             item = entry.load()
         except (Exception, SystemExit) as error:  # whatever another package raises when it is imported
-            warnings.warn(
-                f"{where} cannot be loaded: {type(error).__name__}: {error}; it is left out. Mend or uninstall its package.",
-                UserWarning,
-                stacklevel=3,
+            warn(
+                f"{where} cannot be loaded: {type(error).__name__}: {error}; it is left out. Mend or uninstall its package."
             )
             continue
         name = getattr(item, "name", None)
@@ -36,11 +35,9 @@ def plugins(group: str, kind: type[_T], known: dict[str, type[_T]]) -> dict[str,
             or inspect.isabstract(item)
             or not isinstance(name, str)
         ):
-            warnings.warn(
-                f"{where} is {item!r}, not a {kind.__name__} with a name; it is left out.", UserWarning, stacklevel=3
-            )
+            warn(f"{where} is {item!r}, not a {kind.__name__} with a name; it is left out.")
         elif name in known or name in found:
-            warnings.warn(f"{where} is named {name!r}, as another is; it is left out.", UserWarning, stacklevel=3)
+            warn(f"{where} is named {name!r}, as another is; it is left out.")
         else:
             found[name] = item
     return found

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.core.warned import warn
+
 TURN = 2.0 * math.pi
 
 
-def warn_of_degrees(what: str, names: Sequence[str], angles: ArrayLike, *, stacklevel: int) -> None:
+def warn_of_degrees(what: str, names: Sequence[str], angles: ArrayLike) -> None:
     """Say, in one warning, that finite angles of more than a turn either way look like degrees.
 
     Args:
@@ -24,9 +25,7 @@ def warn_of_degrees(what: str, names: Sequence[str], angles: ArrayLike, *, stack
     if found.size:
         i = int(found[0])
         more = "" if found.size == 1 else f", and {found.size - 1} more like it"
-        warnings.warn(
+        warn(
             f"{what} has {names[i]} = {given[i]:g} rad, {abs(given[i]) / TURN:.1f} turns{more}: are these degrees? Angles are "
-            "in radians; np.radians(...) converts them.",
-            UserWarning,
-            stacklevel=stacklevel + 1,
+            "in radians; np.radians(...) converts them."
         )

@@ -122,7 +122,7 @@ class DHArm:
             _require(self, field, lambda value: value > 0.0, "> 0")
         for field in ("armature", "damping", "servo_gain"):
             _require(self, field, lambda value: value >= 0.0, ">= 0")
-        warn_of_degrees(f"arm {self.name!r}", [f"alpha[{i}]" for i in range(n)], self.alpha, stacklevel=3)
+        warn_of_degrees(f"arm {self.name!r}", [f"alpha[{i}]" for i in range(n)], self.alpha)
         for i, (low, neutral, high) in enumerate(zip(self.lower, self.neutral, self.upper, strict=True)):
             if not low <= neutral <= high:
                 raise RobotError(

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import pathlib
 import re
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.paths import user_path
+from hqp_rp.core.warned import warn
 
 if TYPE_CHECKING:
     import mujoco
@@ -123,11 +123,9 @@ def warn_of_lost(model: pathlib.Path, count: int, absent: Sequence[str], unread:
         kinds = ", ".join(sorted({pathlib.PurePath(file).suffix.lower() or "no suffix" for file in unread}))
         told.append(f"{len(unread)} of a kind that MuJoCo does not read ({kinds})")
     remedy.append("meshes=False leaves all out and says nothing")
-    warnings.warn(
+    warn(
         f"{os.fspath(model)!r}: {len(absent) + len(unread)} of {count} mesh files are left out, {' and '.join(told)}; "
-        f"{'; '.join(remedy)}. Only collision distances need them.",
-        UserWarning,
-        stacklevel=7,
+        f"{'; '.join(remedy)}. Only collision distances need them."
     )
 
 

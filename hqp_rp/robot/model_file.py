@@ -6,13 +6,13 @@ import contextlib
 import math
 import os
 import re
-import warnings
 from collections.abc import Iterable, Mapping
 from typing import Literal
 from xml.etree import ElementTree
 
 from numpy.typing import ArrayLike
 
+from hqp_rp.core import warned
 from hqp_rp.core.errors import RobotError, unknown_name
 from hqp_rp.core.extras import require
 from hqp_rp.core.paths import user_path
@@ -107,7 +107,7 @@ def urdf_velocity_limits(path: Path, *, warn: bool = True) -> dict[str, float]:
     still = [repr(name) for name, limit in limits.items() if limit == 0.0]
     if still and warn:
         one = len(still) == 1
-        _warn(
+        warned.warn(
             f"The URDF file {os.fspath(path)!r}: {'joint' if one else 'joints'} {', '.join(still)} {'has' if one else 'have'} "
             f"the velocity limit 0, so {'it' if one else 'they'} may not move; give velocity_limit where that is not meant."
         )
@@ -154,7 +154,7 @@ def urdf_position_limits(path: Path) -> dict[str, tuple[float, float]]:
         else:
             limits[name] = (lower, upper)
     if vague:
-        _warn(
+        warned.warn(
             f"The URDF file {os.fspath(path)!r}: {', '.join(map(repr, vague))} state one of lower and upper, as 0, and not the "
             "other; taken for joints without limits. State both to lock them at 0."
         )
@@ -183,15 +183,11 @@ def urdf_mimics(path: Path) -> tuple[Coupling, ...]:
         else:
             found.append(Coupling(name, source, (offset, multiplier)))
     if lost:
-        _warn(
+        warned.warn(
             f"The URDF file {os.fspath(path)!r}: {', '.join(lost)}, which is no other hinge or slide of the file, so that is "
             "not kept; mend the file."
         )
     return tuple(found)
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, UserWarning, stacklevel=5)
 
 
 def _number(path: Path, joint: str, what: str, value: str) -> float:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.problem import FloatArray, IntArray
+from hqp_rp.core.warned import warn
 from hqp_rp.robot.coupling import Coupling
 from hqp_rp.robot.frames import FrameTable
 
@@ -105,11 +105,9 @@ class ModelRobot:
         if outside.size:
             i = int(outside[0])
             names = np.repeat(np.array(self._joint_names, dtype=object), self._joint_widths)
-            warnings.warn(
+            warn(
                 f"The neutral configuration of {self._name} has joint {names[i]!r} at {value[i]:g}, outside its limits "
-                f"[{self._lower[i]:g}, {self._upper[i]:g}]{_and_more(outside)}; give another with neutral=.",
-                UserWarning,
-                stacklevel=4,
+                f"[{self._lower[i]:g}, {self._upper[i]:g}]{_and_more(outside)}; give another with neutral=."
             )
 
     def _warn_of_ranges(self, hinges: IntArray) -> None:
@@ -122,21 +120,17 @@ class ModelRobot:
         wide = hinges[largest > _MANY_TURNS]
         if wide.size:
             i = int(wide[0])
-            warnings.warn(
+            warn(
                 f"Joint {names[i]!r} of {self._name} has the range [{self._lower[i]:g}, {self._upper[i]:g}] rad, "
                 f"{(self._upper[i] - self._lower[i]) / (2.0 * np.pi):.1f} turns{_and_more(wide)}: are these degrees? Limits of "
-                "a URDF are in radians; an MJCF says which by <compiler angle>.",
-                UserWarning,
-                stacklevel=4,
+                "a URDF are in radians; an MJCF says which by <compiler angle>."
             )
         elif limited.sum() >= 3 and largest[limited].max() < _NARROW:
             i = int(hinges[limited][0])
-            warnings.warn(
+            warn(
                 f"Every limited hinge of {self._name} stays within {largest[limited].max():.3g} rad, joint {names[i]!r} within "
                 f"[{self._lower[i]:.3g}, {self._upper[i]:.3g}]: were radians read as degrees? An MJCF means degrees unless it "
-                'says <compiler angle="radian"/>, an MjSpec unless spec.compiler.degree is False.',
-                UserWarning,
-                stacklevel=4,
+                'says <compiler angle="radian"/>, an MjSpec unless spec.compiler.degree is False.'
             )
 
     def _require_moving(self, carrier: int, frame: str) -> None:

@@ -6,13 +6,13 @@ import contextlib
 import os
 import pathlib
 import re
-import warnings
 from collections.abc import Iterable, Iterator
 
 import mujoco
 
 from hqp_rp.core.errors import RobotError
 from hqp_rp.core.paths import user_path
+from hqp_rp.core.warned import warn
 from hqp_rp.robot.inertia import repair
 from hqp_rp.robot.mesh_files import Meshes, checked_folders, checked_meshes, drop_meshes, settle_meshes
 from hqp_rp.robot.model_file import (
@@ -123,11 +123,9 @@ def _compiled(spec: mujoco.MjSpec, path: pathlib.Path) -> mujoco.MjModel:
         first = one_line(error)
     drop_meshes(spec, path, [mesh.name for mesh in spec.meshes])
     model = spec.compile()
-    warnings.warn(
+    warn(
         f"{os.fspath(path)!r}: MuJoCo cannot use one of the mesh files ({first.removesuffix('.')}), so that none of the "
-        f"{len(files)} is read; only collision distances need them.",
-        UserWarning,
-        stacklevel=5,
+        f"{len(files)} is read; only collision distances need them."
     )
     return model
 
@@ -147,4 +145,4 @@ def _without_known_warnings() -> Iterator[None]:
         mujoco.set_mju_user_warning(before)
     for message in told:
         if not _SEEN_TO.search(message):
-            warnings.warn(f"MuJoCo: {message}", UserWarning, stacklevel=6)
+            warn(f"MuJoCo: {message}")

@@ -7,7 +7,6 @@ import dataclasses
 import functools
 import os
 import tempfile
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +31,7 @@ from hqp_rp.control._sampling import Sampler
 from hqp_rp.control.catalogue import find_singularities
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.solver import Solver
+from hqp_rp.core.warned import warn
 
 if TYPE_CHECKING:
     from hqp_rp.control.singularities import SingularConfiguration
@@ -111,7 +111,7 @@ def stress(
     subject = subject_of(robot, stack, dt)
     scene = scene_of(subject)
     if held := scene.held_at_rest():
-        warnings.warn(held, UserWarning, stacklevel=2)
+        warn(held)
     chosen = _contestants(solvers, limits=not scene.plain)
     kept, left_out = _willing(chosen, scene)
     client = None if dask is None else dask_client(dask)
