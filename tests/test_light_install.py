@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import subprocess
 import sys
 import tomllib
@@ -66,7 +67,7 @@ def command(*arguments: str, show: tuple[str, ...] = (), cwd: Path = ROOT) -> su
     hidden = {module for extra, packages in PACKAGES.items() if extra != "cli" for module in packages}
     hidden -= {"rich", *show}  # which tyro draws its help with
     code = f"sys.argv[1:] = {list(arguments)!r}; from hqp_rp.script import main; sys.exit(main())"
-    return _python(HIDE.format(hidden=hidden) + f"sys.path.insert(0, {str(ROOT)!r})\n" + code, cwd)
+    return _python(HIDE.format(hidden=hidden) + code, cwd, path=True)
 
 
 def sentence(what: str, modules: str, packages: str, extra: str) -> str:
@@ -77,8 +78,10 @@ def sentence(what: str, modules: str, packages: str, extra: str) -> str:
     )
 
 
-def _python(code: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", code]
+def _python(code: str, cwd: Path = ROOT, path: bool = False) -> subprocess.CompletedProcess[str]:
+    """Run `code` in `cwd`; path: with this library in front, where `cwd` is not its folder."""
+    first = f"import sys; sys.path.insert(0, {str(ROOT)!r})\n" if path else ""
+    command = [sys.executable, "-c", first + code]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
@@ -215,6 +218,39 @@ def test_a_subcommand_says_what_it_lacks(arguments: list[str], show: tuple[str, 
     assert done.stderr.replace(", rich", "").replace(" rich", "") == f"hqp-rp: {lacks}\n".replace(", rich", "").replace(
         " rich", ""
     )
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pinocchio") is None, reason="pinocchio is not installed")
+def test_pinocchio_does_without_mujoco(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="arm"><link name="base"/><link name="link"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><sphere radius="0.1"/>'
+        '</geometry></collision></link><joint name="turn" type="revolute"><parent link="base"/><child link="link"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
+    )
+    (tmp_path / "arm.xml").write_text("<mujoco/>")
+    done = _python(
+        HIDE.format(hidden={"mujoco", "scipy"})
+        + """
+import hqp_rp, numpy as np
+from hqp_rp.robot import PinocchioRobot, sawyer
+robot = PinocchioRobot.from_arm(sawyer())
+robot.update(robot.neutral)
+target = robot.pose("tool")[1] + [0.0, 0.1, 0.0]
+stack = hqp_rp.Stack([hqp_rp.PositionTask("tool", target)], limits=[hqp_rp.JointLimit()])
+assert hqp_rp.solve(stack.problem(robot, 0.01), "hierarchical_active_set").status.ok
+robot = hqp_rp.load_robot("arm.urdf", "pinocchio")
+assert robot.geometry.ngeoms == 1
+try:
+    hqp_rp.load_robot("arm.xml", "pinocchio")
+except hqp_rp.MissingExtraError as error:
+    print(error)
+""",
+        tmp_path,
+        path=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"{sentence('An MJCF file in Pinocchio', 'mujoco', 'mujoco', 'mujoco')}\n"
 
 
 def test_the_packages_that_messages_name_are_those_of_the_extras() -> None:

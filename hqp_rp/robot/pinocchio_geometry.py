@@ -19,7 +19,6 @@ from hqp_rp.robot.dh import DHArm
 from hqp_rp.robot.geoms import Geoms, standing_geoms
 from hqp_rp.robot.mesh_files import Meshes, resolved, warn_of_lost
 from hqp_rp.robot.model_file import Path, one_line, parse_urdf
-from hqp_rp.robot.mujoco_model import geoms_of as mujoco_geoms_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -111,7 +110,9 @@ def geometry_from_mujoco(source: mujoco.MjModel, carriers: Sequence[tuple[int, A
     Args:
         carriers: of each body its joint, and its placement in that joint's frame; see `model_from_mujoco`.
     """
-    geometry, table = pin.GeometryModel(), mujoco_geoms_of(source)
+    from hqp_rp.robot.mujoco_model import geoms_of
+
+    geometry, table = pin.GeometryModel(), geoms_of(source)
     refused = dict(table.refused)
     for i in range(source.ngeom):
         try:

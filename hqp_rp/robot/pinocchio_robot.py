@@ -14,6 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from hqp_rp.core.errors import RobotError
+from hqp_rp.core.extras import require
 from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.robot.coupling import couplings_of, limited_balls
@@ -33,8 +34,6 @@ from hqp_rp.robot.model_file import (
     urdf_velocity_limits,
 )
 from hqp_rp.robot.model_robot import ModelRobot
-from hqp_rp.robot.mujoco_file import mujoco_model
-from hqp_rp.robot.mujoco_model import keyframe, position_limits
 from hqp_rp.robot.pinocchio_geometry import geometry_from_mujoco, geometry_from_urdf, geometry_of_arm
 from hqp_rp.robot.pinocchio_model import arm_model, configuration_from_mujoco, model_from_mujoco
 
@@ -184,6 +183,9 @@ class PinocchioRobot(ModelRobot):
         checked_meshes(meshes)
         path, folders = user_path(path), checked_folders(package_paths)
         if file_format(path) == "mjcf":
+            require("An MJCF file in Pinocchio", "mujoco")
+            from hqp_rp.robot.mujoco_file import mujoco_model
+
             source = mujoco_model(
                 path,
                 floating_base=floating_base,
@@ -232,6 +234,8 @@ class PinocchioRobot(ModelRobot):
 
         Args as `from_file`; `neutral` (nq,) in Pinocchio's convention, default `qpos0`.
         """
+        from hqp_rp.robot.mujoco_model import keyframe, position_limits
+
         require_joints(int(source.nv), "the MuJoCo model")
         names = tuple(source.joint(j).name or f"unnamed_joint_{j}" for j in range(source.njnt))
         if neutral is None or isinstance(neutral, str):
