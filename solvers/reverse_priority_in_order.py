@@ -45,7 +45,7 @@ class ReversePriorityInOrder(ClosedForm):
 
     The paper's (29) lets a correction disturb all lower levels together, and is lexicographic on two levels only. Here it
     disturbs level k + 1 least, then k + 2, and so on, and undamped the answer is the lexicographic optimum nearest to zeta
-    on any number of levels (docs/reverse_priority_in_order.md proves it), so it grows beyond all bounds near an algorithmic
+    on any number of levels (proof: the page "Reverse priority, repaired"), so it grows beyond all bounds near an algorithmic
     singularity, as every exact method does. Damping acts on the pseudo-inverses that keep disturbances small, never on the
     one that corrects level k: level 1 is met to rounding, and ||x|| is bounded wherever each level by itself is regular.
     With a policy that sets in at a threshold (`VariableDamping`, `ManipulabilityDamping`) the answer is still the

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -169,3 +171,34 @@ def test_cpp_of_the_pages_stands_in_the_example_that_make_core_runs() -> None:
     lines = [line.strip().removeprefix("hqp::Outcome ") for block in blocks for line in block.splitlines()]
     assert len(lines) > 10
     assert not set(lines) - known - {line.removeprefix("hqp::Outcome ") for line in known}
+
+
+def test_a_reference_page_says_that_it_is_a_frame() -> None:
+    for page in sorted((DOCS / "reference").glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        if "```{public-names}" in text:
+            assert "\n% Seen as markdown, this page is an empty frame: `make docs` fills it" in text, page.name
+
+
+def test_no_address_of_the_project_is_made_up() -> None:
+    """There is none yet: docs/contributing.md says what is to be filled in when there is one."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert "urls" not in project
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert not re.search(r"^\s*(url|repository\S*):", citation, re.MULTILINE)
+    for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md"):
+        outside = [link for link in links_of(page.read_text(encoding="utf-8")) if re.match(r"[a-z]+:", link)]
+        assert outside == [], f"{page.name} links to {outside}"
+
+
+def test_docstrings_name_pages_by_their_title() -> None:
+    """Whoever has the wheel alone has no folder docs."""
+    for folder in ("hqp_rp", "solvers", "scenarios"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            if "compare" in path.parts or path.name == "make.py":
+                continue  # these say how what stands in the repository is remade
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                    told = ast.get_docstring(node) or ""
+                    assert not re.search(r"docs/\w+\.md", told), f"{path}: {told.splitlines()[0]}"

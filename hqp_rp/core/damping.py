@@ -156,7 +156,7 @@ class ErrorDamping(_Policy):
         factor: c >= 0, in the unit of the matrix squared over that of the bounds to the power.
         power: 2, as mink and pink have it, or 1. What keeps a loop from chattering about a target out of reach grows like the
             error itself, reach * dt / 2 times it, so with power 1 one factor serves near and far: see
-            docs/still_at_the_limit.md.
+            the page "Still at the limit".
         toward: "below": zeta is what the levels below ask for, the minimizer of sum_j ||A_j x - b_j||^2 + mu ||x||^2 over their
             equality rows. Along a direction that the level hardly sees they then get what it does not need, in proportion;
             towards "rest", zeta = 0 as in mink and pink, they must leave that direction alone, and where it turns from step to

@@ -4,8 +4,8 @@
         known = hqp_rp.problems.load(name)
         solution = hqp_rp.solve(known.problem, "null_space")
 
-Each problem is a plain .npz file that numpy alone reads; README.md beside this file says what is in it, docs/problem_set.md
-how another project uses it. Loading needs no solver, no robot and nothing beyond numpy.
+Each problem is a plain .npz file that numpy alone reads; README.md beside this file says what is in it, the
+page "The problem set" how another project uses it. Loading needs no solver, no robot and nothing beyond numpy.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from hqp_rp.problems.known_problem import KnownAnswer, KnownProblem, load_known
 __all__ = ["DATA", "KnownAnswer", "KnownProblem", "families", "load", "names", "path", "version"]
 
 version = "1.1"
-"""Of the numbers, apart from the library's: see docs/problem_set.md for what a change of it means."""
+"""Of the numbers, apart from the library's: the page "The problem set" says what a change of it means."""
 
 DATA = pathlib.Path(__file__).with_name("data")
 """The folder of the files: `DATA / family / label.npz`."""
