@@ -65,8 +65,8 @@ def _own_stack(robot: str) -> str:
     """The stack that comes with the library for this robot of its own. Raises `SettingError` where there is none."""
     if not is_named(robot):
         raise SettingError(
-            f"{robot!r} comes with no stack: say with --stack FILE what it shall do (the page "Stack files" says how). Robots that come "
-            f"with one: {', '.join(ROBOTS)}."
+            f"{robot!r} comes with no stack: say with --stack FILE what it shall do (see the page on stack files). Robots that "
+            f"come with one: {', '.join(ROBOTS)}."
         )
     return "planar4" if robot.startswith("planar") else STACKS.get(robot, robot)
 
