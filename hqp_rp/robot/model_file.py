@@ -47,6 +47,7 @@ def load_robot(
         RobotError: no such file, a file that the library does not read (with its message), or an argument that does not
             fit the robot.
         SettingError: `meshes` or `package_paths` that are none. UnknownNameError: another library.
+        MissingExtraError: the library is not installed, or MuJoCo for an MJCF file in Pinocchio.
     """
     if library not in ("mujoco", "pinocchio"):
         raise unknown_name("robot library", library, ("mujoco", "pinocchio"))

@@ -31,7 +31,7 @@ from hqp_rp.control import (
 from hqp_rp.control.stack_file import EXAMPLES, load_stack, parse_stack
 from hqp_rp.core.errors import FileError, HqpError, RobotError, SettingError, UnknownNameError
 from hqp_rp.core.problem import Problem
-from hqp_rp.robot.arms import sawyer
+from hqp_rp.robot.arms import panda_like, sawyer
 from hqp_rp.robot.mujoco_robot import MujocoRobot
 from hqp_rp.robot.named import named_robot
 
@@ -202,6 +202,11 @@ def test_robots_by_name() -> None:
         np.testing.assert_allclose(position, p + np.array([0.0, y, 0.0]), atol=1e-12)
         np.testing.assert_allclose(dual.jacobian(f"{side}_tool")[:, part], arm.jacobian(q[part]), atol=1e-12)
     np.testing.assert_array_equal(dual.velocity_limit[:7], arm.velocity_limit)
+    panda = named_robot("panda_like")
+    np.testing.assert_array_equal(panda.velocity_limit, panda_like().velocity_limit)
+    panda.update(panda.neutral)
+    np.testing.assert_allclose(panda.pose("tool")[1], panda_like().pose(panda.neutral[None], "tool")[1][0], atol=1e-12)
+    assert load_stack("sawyer").stack(panda).problem(panda).n == 7
     humanoid = named_robot("humanoid")
     assert humanoid.nv == 35
     humanoid.update(humanoid.neutral)

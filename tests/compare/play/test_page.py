@@ -18,9 +18,10 @@ import hqp_rp
 from hqp_rp.compare.command_line import MISUSE, main
 from hqp_rp.compare.play.loop import PlayLoop
 from hqp_rp.compare.play.recording import load_recording
-from hqp_rp.compare.play.show import page_of
+from hqp_rp.compare.play.show import _own_stack, page_of
 from hqp_rp.control._rotations import quaternion_to_matrix
 from hqp_rp.control.stack_file import load_stack
+from hqp_rp.robot.named import ROBOTS
 from hqp_rp.robot.robot_source import RobotSource
 from tests.compare.play.browser import CHROMIUM, Browser
 
@@ -237,6 +238,13 @@ def test_wrong_input_is_one_line(arguments: list[str], words: str, capsys: pytes
     told = capsys.readouterr().err
     assert words in told
     assert told.count("\n") == 1
+
+
+@pytest.mark.parametrize("robot", ["planar7", *(name for name in ROBOTS if name != "planarN")])
+def test_every_named_robot_has_a_stack_that_fits_it(robot: str) -> None:
+    file = load_stack(_own_stack(robot))
+    loop = PlayLoop(RobotSource(robot), file, "null_space")
+    assert loop.step() is not None
 
 
 @needs_viser
