@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from measure import ARMS, RULE, RULES, SOLVER, STRICT, drive, factor, levels_of, robot_of, targets
+from measure import ARMS, BEYOND, RULE, RULES, SOLVER, STRICT, drive, factor, levels_of, robot_of, targets
 from scipy.spatial.transform import Rotation
 
 import hqp_rp
@@ -29,6 +29,46 @@ from hqp_rp import (
     VariableDamping,
 )
 from hqp_rp.robot.named import named_robot
+
+
+def loops() -> Iterator[list[str]]:
+    """The second level's loop at rest, as still_at_the_limit.md derives it, without and with the level's own damping."""
+    dt, gain = 0.001, 5.0
+    for arm, target in (("Sawyer", 0), ("Sawyer", 1), ("Sawyer", 4), ("Panda-like arm", 0), ("Panda-like arm", 4)):
+        robot = robot_of(arm)
+        levels = levels_of(robot, targets(arm)[target], gain, 0.1)
+        first, second = RULES[STRICT](ARMS[arm], dt, gain)
+        stack = Stack(levels, [JointLimit()], damping=[factor(first), factor(second), None])
+        drive(robot, stack, dt, 6.0)
+        _, sigma, Vt = np.linalg.svd(levels[0].jacobian(robot))
+        w, N = Vt[2], Vt[3:].T
+        J = levels[1].jacobian(robot)
+        rate = gain * levels[1].error(robot)
+        D, d, _ = stack.problem(robot, dt, np.zeros(robot.nv)).damping_rows
+        zeta = d[: robot.nv] / D[0, 0]
+        error = levels[0].error(robot)
+        turning = N.T @ curvature(robot, levels[0], error / np.linalg.norm(error)) @ N
+        pull, mu = abs(float(w @ J.T @ rate)), second * float(np.linalg.norm(rate))
+        row = [arm, f"{1e3 * BEYOND[target]:g}", f"{sigma[2]:.2g}", f"{first * abs(float(w @ zeta)):.2g}"]
+        for damped in (0.0, 0.4 * mu, mu):
+            square = N.T @ J.T @ J @ N + damped * np.eye(N.shape[1])
+            loop = dt * np.linalg.pinv(square) @ turning * pull / sigma[2]
+            row.append(f"{np.abs(np.linalg.eigvals(loop)).max():.2g}")
+        yield row
+
+
+def curvature(robot: Any, task: Any, n: np.ndarray) -> np.ndarray:
+    """(nv, nv) m: how n^T J of the task falls where the joints move, by central differences."""
+    q, h, columns = robot.q.copy(), 1e-5, []
+    for direction in np.eye(robot.nv):
+        ends = []
+        for side in (1.0, -1.0):
+            robot.update(robot.integrate(q, side * direction, h))
+            ends.append(n @ task.jacobian(robot))
+        columns.append((ends[0] - ends[1]) / (2.0 * h))
+    robot.update(q)
+    K = -np.array(columns)
+    return 0.5 * (K + K.T)
 
 
 def within_reach() -> Iterator[list[str]]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import matplotlib as mpl
 import numpy as np
-from further import humanoid, stands, times, torques, within_reach
+from further import humanoid, loops, stands, times, torques, within_reach
 from measure import (
     ARMS,
     BEYOND,
@@ -58,6 +58,7 @@ FAILURES = [
 ]
 PRICES = ["factors of levels 1, 2", "arm", "still", "hardest, rad/s^2", "until still, s", "distance, mm"]
 OTHERS = ["what", "still", "hardest, rad/s^2", "distance, mm"]
+LOOPS = ["arm", "beyond reach, mm", "sigma of level 1", "factor times zeta", "not damped", "2 / gain", "5 / gain"]
 WITHIN = [
     "arm",
     "factors of levels 1, 2",
@@ -218,6 +219,14 @@ start asked for. Least distances are those that the position alone comes to, fro
 Both arms, six targets, without and with acceleration limits of 20 rad/s^2, posture gain a tenth.
 
 {table(FAILURES, failures(runs))}
+
+## Why
+
+At 1 ms and a gain of 5/s, at rest, without acceleration limits: the smallest singular value of the first level, what it
+should be, and the loop gain of the second level, `dt K |pull| / (sigma (sigma_2^2 + mu))`. It must stay below 2; with a first
+factor of `reach dt` each is ten times as large. Arriving at speed takes more than small deviations do.
+
+{table(LOOPS, loops())}
 
 ## The price out of reach
 
