@@ -100,7 +100,8 @@ def drive(
     solver = hqp_rp.get_solver(SOLVER)
     v, hardest, seen, quiet = np.zeros(robot.nv), [], [], 0
     for _ in range(round(seconds / dt)):
-        before, v = v, solver.solve(stack.problem(robot, dt, v)).require()
+        answer = solver.solve(stack.problem(robot, dt, v)).x
+        before, v = v, v if answer is None else answer  # a step without an answer repeats the one before
         robot.update(robot.integrate(robot.q, v, dt))
         hardest.append(float(np.abs(v - before).max()) / dt)
         seen.append(watch())
