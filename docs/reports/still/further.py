@@ -50,7 +50,7 @@ def loops() -> Iterator[list[str]]:
         turning = N.T @ curvature(robot, levels[0], error / np.linalg.norm(error)) @ N
         pull, mu = abs(float(w @ J.T @ rate)), second * float(np.linalg.norm(rate))
         row = [arm, f"{1e3 * BEYOND[target]:g}", f"{sigma[2]:.2g}", f"{first * abs(float(w @ zeta)):.2g}"]
-        for damped in (0.0, 0.4 * mu, mu):
+        for damped in (0.0, 0.2 * mu, mu):
             square = N.T @ J.T @ J @ N + damped * np.eye(N.shape[1])
             loop = dt * np.linalg.pinv(square) @ turning * pull / sigma[2]
             row.append(f"{np.abs(np.linalg.eigvals(loop)).max():.2g}")

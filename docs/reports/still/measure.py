@@ -38,7 +38,7 @@ STILL = 1.0
 """rad/s^2: an arm is still if no joint accelerated harder in the last `QUIET` seconds."""
 QUIET = 0.5
 """s."""
-FIRST, SECOND = 0.05, 2.0
+FIRST, SECOND = 0.05, 1.0
 """The rule: factors reach * max(FIRST / gain, dt) and SECOND / gain, of levels 1 and 2."""
 SWEEP = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 SWEPT = ((0.001, 1.0), (0.001, 5.0), (0.001, 20.0), (0.01, 5.0))
@@ -51,10 +51,10 @@ RULES: dict[str, Factors] = {
     "not damped": lambda reach, dt, gain: (0.0, 0.0),
     "reach dt, 10 reach dt": lambda reach, dt, gain: (reach * dt, 10.0 * reach * dt),
     "reach dt, 100 reach dt": lambda reach, dt, gain: (reach * dt, 100.0 * reach * dt),
-    "0.05 reach/gain, 2/gain": lambda reach, dt, gain: (reach * max(FIRST / gain, dt), SECOND / gain),
+    "0.05 reach/gain, 1/gain": lambda reach, dt, gain: (reach * max(FIRST / gain, dt), SECOND / gain),
     "0.05 reach/gain, 5/gain": lambda reach, dt, gain: (reach * max(FIRST / gain, dt), 5.0 / gain),
 }
-RULE, STRICT = "0.05 reach/gain, 2/gain", "0.05 reach/gain, 5/gain"
+RULE, STRICT = "0.05 reach/gain, 1/gain", "0.05 reach/gain, 5/gain"
 
 
 @dataclasses.dataclass(frozen=True)

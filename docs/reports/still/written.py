@@ -58,7 +58,7 @@ FAILURES = [
 ]
 PRICES = ["factors of levels 1, 2", "arm", "still", "hardest, rad/s^2", "until still, s", "distance, mm"]
 OTHERS = ["what", "still", "hardest, rad/s^2", "distance, mm"]
-LOOPS = ["arm", "beyond reach, mm", "sigma of level 1", "factor times zeta", "not damped", "2 / gain", "5 / gain"]
+LOOPS = ["arm", "beyond reach, mm", "sigma of level 1", "factor times zeta", "not damped", "1 / gain", "5 / gain"]
 WITHIN = [
     "arm",
     "factors of levels 1, 2",
@@ -202,7 +202,7 @@ all runs. Still: no joint harder than {STILL:g} rad/s^2 in the last {QUIET:g} s.
 Remade by `python docs/reports/still/measure.py`, half an hour on two cores; every run of the arms is a line of
 [runs.csv](runs.csv). Read in [still at the limit](../../still_at_the_limit.md).
 
-**The rule.** `ErrorDamping(reach * max(0.05 / gain, dt), power=1)` at the level of the position, `ErrorDamping(2 / gain,
+**The rule.** `ErrorDamping(reach * max(0.05 / gain, dt), power=1)` at the level of the position, `ErrorDamping(1 / gain,
 power=1)` at that of an orientation below it, a posture at a tenth of their gain: {rest[RULE]} runs come to rest; with
 `5 / gain` {rest[STRICT]}. Both factors in proportion to the step (`reach * dt`, ten times that): {rest[OLD]}.
 
