@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import time
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from measure import ARMS, BEYOND, RULE, RULES, SOLVER, STRICT, drive, factor, levels_of, robot_of, targets
+from measure import (
+    ACCELERATIONS,
+    ARMS,
+    BEYOND,
+    GAINS,
+    QUIET,
+    RULE,
+    RULES,
+    SOLVER,
+    STILL,
+    STRICT,
+    drive,
+    factor,
+    least,
+    levels_of,
+    robot_of,
+    targets,
+)
 from scipy.spatial.transform import Rotation
 
 import hqp_rp
@@ -89,6 +107,22 @@ def within_reach() -> Iterator[list[str]]:
             off = np.array(seen) > 1e-3
             late = [f"{dt * (np.flatnonzero(column)[-1] + 1):.2f}" for column in off.T]
             yield [arm, rule, *late, f"{1e3 * seen[-1][0]:.1g}", f"{1e3 * seen[-1][1]:.1g}"]
+
+
+def one_level() -> Iterator[list[str]]:
+    """Position above posture with the least damping."""
+    dt = 0.001
+    for arm, reach in ARMS.items():
+        robot, quiet, lost = robot_of(arm), [], []
+        for target, gain, acceleration in itertools.product(range(len(BEYOND)), GAINS, ACCELERATIONS):
+            position, _, posture = levels_of(robot, targets(arm)[target], gain, 0.1)
+            damping = [factor(reach * dt), None]
+            stack = Stack([position, posture], [JointLimit(acceleration=acceleration)], damping=damping)
+            hardest, _ = drive(robot, stack, dt, 10.0 if gain == 1.0 else 6.0)
+            quiet.append(float(hardest[-round(QUIET / dt) :].max()))
+            lost.append(1e3 * (float(np.linalg.norm(position.error(robot))) - least(arm)[target]))
+        kept = sum(value < STILL for value in quiet)
+        yield [arm, f"{kept}/{len(quiet)}", f"{max(quiet):.2g}", f"{max(lost):.2f}"]
 
 
 def humanoid() -> Iterator[list[str]]:

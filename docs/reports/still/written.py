@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import matplotlib as mpl
 import numpy as np
-from further import humanoid, loops, stands, times, torques, within_reach
+from further import humanoid, loops, one_level, stands, times, torques, within_reach
 from measure import (
     ARMS,
     BEYOND,
@@ -67,6 +67,7 @@ WITHIN = [
     "left over, mm",
     "left over, mrad",
 ]
+ONE = ["arm", "still", "hardest, rad/s^2", "distance lost, mm"]
 HUMANOID = ["factors of hand, gaze", "step, ms", "posture gain", "hardest, rad/s^2", "hand off, mm", "balance off, mm"]
 TORQUES = [
     "damping of the hand",
@@ -126,8 +127,8 @@ def draw(runs: Runs) -> None:
     axes[2].set_yticks(range(len(names)), names, fontsize=8)
     axes[2].invert_yaxis()
     axes[2].set_xlim(0, 115)
-    axes[2].set_xlabel("runs that come to rest (%), at 1, 2, 10 ms from dark to light")
-    axes[2].set_title("two arms, all gains, with and without acceleration limits", fontsize=10)
+    axes[2].set_xlabel("runs at rest (%), dark to light 1, 2, 10 ms")
+    axes[2].set_title("all runs, by the factors of levels 1, 2", fontsize=10)
     for axis in axes:
         axis.spines[["top", "right"]].set_visible(False)
         axis.grid(alpha=0.25)
@@ -163,10 +164,15 @@ def prices(runs: Runs) -> Iterable[list[str]]:
         if calm:
             lost = [1e3 * (result.position - least(arm)[case.target]) for case, result in calm]
             settled = [result.settled for _, result in calm]
-            row += [f"{np.median(settled):.1f} / {max(settled):.1f}", f"{np.median(lost):.1f} / {max(lost):.1f}"]
+            row += [both(settled), both(lost)]
         else:
             row += ["", ""]
         yield row
+
+
+def both(values: list[float]) -> str:
+    """Median and largest, no minus before a zero."""
+    return " / ".join(f"{round(value, 1) + 0.0:.1f}" for value in (float(np.median(values)), max(values)))
 
 
 def others(runs: Runs) -> Iterable[list[str]]:
@@ -175,7 +181,7 @@ def others(runs: Runs) -> Iterable[list[str]]:
         kept, total = still(own)
         lost = [1e3 * (result.position - least(case.arm)[case.target]) for case, result in own]
         hardest = max(result.hardest for _, result in own)
-        yield [rule, f"{kept}/{total}", f"{hardest:.2g}", f"{np.median(lost):.1f} / {max(lost):.1f}"]
+        yield [rule, f"{kept}/{total}", f"{hardest:.2g}", both(lost)]
 
 
 def failures(runs: Runs) -> Iterable[list[str]]:
@@ -245,6 +251,12 @@ posture at the tool's gain.
 
 {table(WITHIN, within_reach())}
 
+## One level above the posture
+
+Position above posture at 1 ms, `ErrorDamping(reach * dt, power=1)`: gains of 1, 5 and 20, without and with 20 rad/s^2.
+
+{table(ONE, one_level())}
+
 ## A humanoid
 
 The primitive one of `named_robot("humanoid")`: feet, centre of mass, a hand asked for a metre too much, gaze, posture;
@@ -269,6 +281,6 @@ took turns in one process.
 
 {table(TIMES, times())}
 
-Machine: {about["processor"]}, {about["cores"]} cores, hqp_rp {about["hqp_rp"]}.
+Machine: {about["processor"]}, {about["cores"]} cores.
 """
     (HERE / "report.md").write_text(text, encoding="utf-8")
