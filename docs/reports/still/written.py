@@ -229,7 +229,7 @@ Both arms, six targets, without and with acceleration limits of 20 rad/s^2, post
 ## Why
 
 At 1 ms and a gain of 5/s, at rest, without acceleration limits: the smallest singular value of the first level, what it
-should be, and the loop gain of the second level, `dt K |pull| / (sigma (sigma_2^2 + mu))`. It must stay below 2; with a first
+should be, and the loop gain of the second level, `dt K pull / (sigma (sigma_2^2 + mu))`. It must stay below 2; with a first
 factor of `reach dt` each is ten times as large. Arriving at speed takes more than small deviations do.
 
 {table(LOOPS, loops())}
