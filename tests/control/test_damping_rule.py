@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 from typing import Any
@@ -74,3 +75,14 @@ def test_factors_in_proportion_to_the_step_shake() -> None:
     robot, target = MujocoRobot.from_arm(sawyer()), np.array([1.6, 0.3, 0.5])
     damping = [ErrorDamping(DT, power=1), ErrorDamping(10.0 * DT, power=1), None]
     assert last_acceleration(robot, target, damping, 20.0) > 19.0
+
+
+def test_the_page_says_how_many_runs_came_to_rest() -> None:
+    with (DOCS / "reports/still/runs.csv").open(encoding="utf-8", newline="") as file:
+        runs = [row for row in csv.DictReader(file) if row["part"] == "matrix"]
+    text = (DOCS / "still_at_the_limit.md").read_text(encoding="utf-8")
+    for rule in ("0.05 reach/gain, 1/gain", "0.05 reach/gain, 5/gain"):
+        still = [float(row["hardest"]) < 1.0 for row in runs if row["rule"] == rule]
+        assert f"{sum(still)} of {len(still)}" in text
+    former = [float(row["hardest"]) < 1.0 for row in runs if row["rule"] == "reach dt, 10 reach dt"]
+    assert f"as this page once had it: {sum(former)}." in text
