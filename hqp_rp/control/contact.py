@@ -188,8 +188,8 @@ class Contact:
         normal = unit_vector(value, f"the normal of {self._name!r}")
         if self._tangent is not None and np.linalg.norm(np.cross(normal, self._tangent)) < _ALONG:
             raise SettingError(
-                f"the normal of {self._name!r} is {normal.tolist()}, along its tangent {self._tangent.tolist()}, so that x has no "
-                "direction in the surface; give a tangent that lies nearer to it."
+                f"the normal of {self._name!r} is {normal.tolist()}, along its tangent {self._tangent.tolist()}, so that x has "
+                "no direction in the surface; give a tangent that lies nearer to it."
             )
         self._set("_normal", normal)
 
