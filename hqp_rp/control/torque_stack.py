@@ -48,7 +48,7 @@ class TorqueStack:
     never empty. The first level, "contacts", is the motion of the contacts; then come those that are given. Any solver that
     takes hard rows solves it::
 
-        stack = TorqueStack([com, hand, [posture, even]], [JointLimit(acceleration=50.0)], contacts=[left, right])
+        stack = TorqueStack([com, hand, [posture, even]], [JointLimit(acceleration={"*": 50.0})], contacts=[left, right])
         robot.update(q)
         problem = stack.problem(robot, dt, v)
         x = hqp_rp.solve(problem, "hierarchical_active_set").require()

@@ -85,7 +85,7 @@ def test_a_tangent_along_the_normal_is_refused():
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (1e-12, 0.0, 1.0), (0.0, 1e-12, 1.0)])
 def test_a_force_along_x_pushes_along_the_world_s_x_by_pinocchio_s_rnea(normal):
     """60 N asked along x of the left sole: rnea with that answer's forces, as pin.Force at the ankles, closes."""
-    robot = PinocchioRobot.from_mujoco(named_robot("humanoid").model)
+    robot = PinocchioRobot.from_mujoco(named_robot("humanoid").model, neutral="neutral")
     robot.update(robot.neutral)
     soles = [Contact(f"{side}_sole", points=SOLE, friction=0.9, normal=normal) for side in ("left", "right")]
     push = ContactForceTask(soles[0], [60.0, 0.0, 0.0], axes="x")

@@ -329,7 +329,7 @@ def test_a_robot_that_mujoco_computes_is_refused():
 
 def standing_pink(gain, lm_damping=0.0, seed=0):
     """A humanoid on Pinocchio under torques, its hand led by a pink task, and pink's configuration."""
-    robot = PinocchioRobot.from_mujoco(named_robot("humanoid").model)
+    robot = PinocchioRobot.from_mujoco(named_robot("humanoid").model, neutral="neutral")
     robot.update(robot.neutral)
     hand = FrameTask("left_hand", position_cost=1.0, orientation_cost=0.0, gain=gain, lm_damping=lm_damping)
     hand.set_target_from_configuration(theirs_at(robot))
