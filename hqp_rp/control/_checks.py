@@ -147,6 +147,8 @@ def per_row(value: ArrayLike, rows: int | None, what: str, *, positive: bool) ->
 
 def positive_number(value: object, what: str) -> float:
     """A finite number > 0."""
+    if type(value) is float and 0.0 < value < math.inf:
+        return value
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 < float(value) < math.inf:
         raise SettingError(f"{what} is {value!r}; it must be a finite number > 0.")
     return float(value)

@@ -137,7 +137,7 @@ class AccelerationStack(Stack):
         if any(task is item for _, _, task in self._displacement_tasks) and item.lm_damping:
             told.append(
                 f"lm_damping {item.lm_damping:g}, which damps displacements and is left out here. Give the stack damping=, "
-                "such as ErrorDamping(0.01), for its level, or set lm_damping to 0"
+                "such as ErrorDamping(0.003, power=1), for its level, or set lm_damping to 0"
             )
         if not told:
             return None

@@ -44,11 +44,11 @@ class Command:
 
 def fault_of(solution: Solution, accepted: Container[Status], nv: int) -> str:
     """Why the answer may not be sent to a robot with nv velocities, as a sentence; empty where it may."""
-    x = solution.x
-    if solution.status is Status.REFUSED:
-        return f"The solver refuses this problem: {solution.message or solution.status.value}"
-    if x is None or solution.status not in accepted:
-        return f"The solver failed: {solution.status.value} {solution.message}".rstrip()
+    x, status = solution.x, solution.status
+    if x is None or status not in accepted:
+        if status is Status.REFUSED:
+            return f"The solver refuses this problem: {solution.message or status.value}"
+        return f"The solver failed: {status.value} {solution.message}".rstrip()
     if x.shape != (nv,):
         return f"The solver failed: its x has shape {x.shape}; the robot has nv = {nv}."
     if not is_finite(x):

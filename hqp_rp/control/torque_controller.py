@@ -22,7 +22,7 @@ from hqp_rp.core.solver import Solver, get_solver
 from hqp_rp.robot.robot import Robot
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(slots=True, eq=False)
 class TorqueCommand:
     """One control step.
 

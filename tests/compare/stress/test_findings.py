@@ -28,7 +28,10 @@ NEAR_AND_FAR = sigma_of_bins()[[0, 1, 8, 20]]
 
 def empty_test(places: int = 3) -> Any:
     place = SimpleNamespace(level=1, kind=Singularity.ALGORITHMIC, name="elbow")
-    plan: Any = SimpleNamespace(contestants=CONTESTANTS, places=(place,) * places, paths=2 * bool(places), order=(0, 0))
+    free = SimpleNamespace(held_at_rest=lambda: "")
+    plan: Any = SimpleNamespace(
+        contestants=CONTESTANTS, places=(place,) * places, paths=2 * bool(places), order=(0, 0), scene=lambda: free
+    )
     return SimpleNamespace(
         plan=plan, summary=Summary(plan, LEVELS), catalogue=(place,) * (places + 1) if places else ()
     )
