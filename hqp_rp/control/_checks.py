@@ -107,6 +107,12 @@ def pose(value: Any, what: str) -> tuple[FloatArray, FloatArray]:
     )
 
 
+def position(value: Any, what: str) -> FloatArray:
+    """(3,) m, or the position of an object of a library for poses."""
+    given = _homogeneous_of(value)
+    return pose(given, what)[1] if given is not value else finite_vector(value, 3, what, "m")
+
+
 def _matrix_of(value: Any) -> Any:
     """The matrix of an object of a library for rotations or poses; other values as they are."""
     for name in ("as_matrix", "toRotationMatrix"):

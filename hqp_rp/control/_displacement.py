@@ -111,11 +111,18 @@ class DisplacementTask(_Adapter):
     """
 
     __slots__ = ()
+    rates: ClassVar[tuple[type, ...]] = ()
+    """Tasks of the library whose error is a velocity that is wanted, or nothing, and not what a configuration lacks."""
 
     @property
     def lm_damping(self) -> float:
         """The Levenberg-Marquardt damping of this task."""
         return float(self._item.lm_damping)
+
+    @property
+    def feedback_gain(self) -> float:
+        """The share of its error in a step; 0 of a task that feeds back none."""
+        return 0.0 if isinstance(self._item, self.rates) else float(np.max(self._item.gain))
 
     def evaluate(self, robot: Robot, dt: float) -> tuple[FloatArray, FloatArray]:
         """Jacobian (m, nv) and rate (m,), scaled by the cost; m is the number of rows of nonzero cost.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._acceleration_rows import AccelerationRows
 from hqp_rp.control._checks import positive_number
+from hqp_rp.control._displacement import DisplacementTask
 from hqp_rp.control._row_names import per_second
 from hqp_rp.control._stack_metric import StackMetric
 from hqp_rp.control._stack_rows import StackRows
@@ -44,13 +46,14 @@ class AccelerationStack(Stack):
 
     Jdot v is exact for the library's own tasks. A task of mink or pink, and a class of one's own, states a velocity alone: its
     rows are `J v-dot = kd (rate - J v) - Jdot v`, with the attribute `kd` of the class of one's own, or the stack's. Where its
-    rate is g times its error (in mink and pink g = gain / dt), kd = 4 g is critically damped and a smaller one swings. Its
+    rate is g times its error (in mink and pink g = gain / dt), kd = 4 g is critically damped and a smaller one swings, which is
+    warned of in tasks of mink and pink: their gain should be kd dt / 4, 5 dt with the kd of 20. Its
     Jdot v is what its method `bias_acceleration(robot, v)` (m,) says, where it has one and that is not None; else it is the
     central difference of J v along v, right to about 1e-10 of |J| |v|^2, for which the robot is moved there and back.
 
     Args:
         levels, limits, names, damping, metric: as of `Stack`; `lm_damping` of tasks of mink and pink is not taken
-            over. An error that damping looks at is that of the rows on v-dot.
+            over, which is warned of. An error that damping looks at is that of the rows on v-dot.
         kd: 1/s, > 0, of tasks that state a velocity alone.
 
     Raises:
@@ -60,7 +63,7 @@ class AccelerationStack(Stack):
     are those of the velocity level, see `JointLimit`, and Del Prete 2018.
     """
 
-    __slots__ = ("_kd",)
+    __slots__ = ("_kd", "_told")
 
     def __init__(
         self,
@@ -73,6 +76,7 @@ class AccelerationStack(Stack):
         kd: float = 20.0,
     ) -> None:
         self._kd = positive_number(kd, "kd")
+        self._told: set[int] = set()  # tasks of mink and pink that were warned of
         super().__init__(levels, limits, names=names, damping=damping, metric=metric)
 
     def problem(
@@ -89,7 +93,8 @@ class AccelerationStack(Stack):
         Raises as `Stack.problem`; `SettingError` where v is missing, `RobotError` for a robot that does not tell Jdot v.
 
         Warns:
-            UserWarning: a dt of more than 1 s, or kd dt > 1.
+            UserWarning: a dt of more than 1 s, or kd dt > 1; a task of mink or pink with a gain above kd dt / 4, or with an
+                `lm_damping`, once for each.
         """
         if v is None:
             raise SettingError("accelerations need the velocity: problem(robot, dt, v); zeros for a robot at rest.")
@@ -107,12 +112,37 @@ class AccelerationStack(Stack):
         """Of v + dt v-dot, q + dt v: e changes its sign at each step where kd dt > 1, and grows where kp dt^2 + 2 kd dt > 4."""
         kp, stated = item._feedback() if isinstance(item, FeedbackTask) else (0.0, getattr(item, "kd", None))
         kd = np.asarray(self._kd if stated is None else stated, dtype=np.float64)
+        if isinstance(item, DisplacementTask):
+            told = self._theirs_not_served(item, dt)
+            if told is not None:
+                return told
         if isinstance(item, Limit) or (np.max(kd) * dt <= 1.0 + 1e-9 and np.max(kp * dt**2 + 2.0 * kd * dt) <= 4.0):
             return None
         return (
             f"kp {np.max(kp):g} 1/s^2 and kd {np.max(kd):g} 1/s at dt {dt:g} s: each step goes past what it aims at. Take a "
             f"kd of at most 1/dt = {1.0 / dt:g}, a gain of at most {0.5 / dt:g}, and a kp of at most kd^2."
         )
+
+    def _theirs_not_served(self, item: DisplacementTask, dt: float) -> str | None:
+        """What of a task of mink or pink swings or is left out at this level, the first time; else None."""
+        if id(item) in self._told:
+            return None
+        told, rate = [], item.feedback_gain / dt
+        if rate > 0.25 * self._kd * (1.0 + 1e-9):
+            told.append(
+                f"the gain {item.feedback_gain:g} at dt {dt:g} s, which feeds its error back at {rate:g} 1/s: with kd "
+                f"{self._kd:g} 1/s it swings (damping ratio {0.5 * math.sqrt(self._kd / rate):.2g}). Take a gain of at most "
+                f"kd dt / 4 = {0.25 * self._kd * dt:g}, or a task of the library's own"
+            )
+        if any(task is item for _, _, task in self._displacement_tasks) and item.lm_damping:
+            told.append(
+                f"lm_damping {item.lm_damping:g}, which damps displacements and is left out here. Give the stack damping=, "
+                "such as ErrorDamping(0.003, power=1), for its level, or set lm_damping to 0"
+            )
+        if not told:
+            return None
+        self._told.add(id(item))
+        return ". It has ".join(told) + "."
 
     def _with_theirs(
         self, rows: StackRows, lower: FloatArray, dt: float | None

@@ -9,18 +9,22 @@ from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import WORLD, frame_name, positive_number, real_array
 from hqp_rp.control._rotations import skew
-from hqp_rp.control.pointing_task import basis_with, unit_vector
+from hqp_rp.control.pointing_task import unit_vector
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 
 CONES = ("pyramid", "box")
 
+_OPPOSITE = 1e-12  # sine of the angle to -z below which the normal is -z itself
+_ALONG = 1e-6  # sine of the angle to the normal below which a tangent is none
+
 
 class Contact:
     """Points of a frame that rest on a surface, each with a force f = (f_x, f_y, f_z) in the axes of the contact, N.
 
-    f is what the surface does to the frame; z is the normal, out of the surface. The forces of a contact are unknowns of a
-    `TorqueStack`, with hard rows at each point::
+    f is what the surface does to the frame; z is the normal, out of the surface, and x and y are those of `on`, of the world
+    for instance, turned with its z the shortest way to the normal (`axes`): on flat ground f is in the axes of the world. The
+    forces of a contact are unknowns of a `TorqueStack`, with hard rows at each point::
 
         cone="pyramid"  cos(t) f_x + sin(t) f_y <= mu cos(pi / edges) f_z    t = 2 pi i / edges, i = 1, ..., edges
         cone="box"      |f_x| <= mu nominal_force / sqrt(2), |f_y| as well
@@ -39,12 +43,15 @@ class Contact:
         points: (k, 3) or (3,) m, in the frame's own axes: corners of a sole, the tip of a finger. None is its origin.
         on: "world", or the frame that it rests on: an object that the robot holds, a body of its own.
         normal: (3,) out of the surface, in the axes of `on`; any length but zero.
+        tangent: (3,) in the axes of `on`, what x shall point along as far as the surface lets it; any length but zero, not
+            along the normal. None: x as above.
         friction: mu > 0. cone: "pyramid" or "box". edges: of the pyramid, >= 3. nominal_force: N, > 0, of one point; for a box.
         min_force, max_force: N, of one point, 0 <= min_force <= max_force.
         kd: 1/s, >= 0: how fast what is left of a motion of the contact dies out.
         name: default "<frame> contact".
 
-    `activation`, `normal`, `friction`, `min_force` and `max_force` may be set at every step.
+    `activation`, `normal`, `friction`, `min_force` and `max_force` may be set at every step. x and y turn as little as the
+    normal does, except where the normal comes near -z of `on`, as under a ceiling or a tray: there give a `tangent`.
 
     Raises:
         SettingError: a value of the wrong shape, not finite, or out of its range.
@@ -66,6 +73,7 @@ class Contact:
         "_normal",
         "_on",
         "_points",
+        "_tangent",
         "_version",
     )
 
@@ -76,6 +84,7 @@ class Contact:
         points: ArrayLike | None = None,
         on: str = WORLD,
         normal: ArrayLike = (0.0, 0.0, 1.0),
+        tangent: ArrayLike | None = None,
         friction: float = 0.7,
         cone: str = "pyramid",
         edges: int = 4,
@@ -111,6 +120,7 @@ class Contact:
             raise SettingError(f"the kd of {self._name!r} is {kd!r}; it must be a finite number >= 0, in 1/s.")
         self._kd = float(kd_given)
         self._min_force, self._max_force, self._activation = 0.0, math.inf, 1.0
+        self._tangent = None if tangent is None else unit_vector(tangent, f"the tangent of {self._name!r}")
         self.normal, self.friction = normal, friction
         self.max_force = max_force
         self.min_force = min_force
@@ -175,7 +185,18 @@ class Contact:
 
     @normal.setter
     def normal(self, value: ArrayLike) -> None:
-        self._set("_normal", unit_vector(value, f"the normal of {self._name!r}"))
+        normal = unit_vector(value, f"the normal of {self._name!r}")
+        if self._tangent is not None and np.linalg.norm(np.cross(normal, self._tangent)) < _ALONG:
+            raise SettingError(
+                f"the normal of {self._name!r} is {normal.tolist()}, along its tangent {self._tangent.tolist()}, so that x has "
+                "no direction in the surface; give a tangent that lies nearer to it."
+            )
+        self._set("_normal", normal)
+
+    @property
+    def tangent(self) -> FloatArray | None:
+        """(3,) unit vector in the axes of `on` that x follows, or None."""
+        return self._tangent
 
     @property
     def friction(self) -> float:
@@ -251,9 +272,15 @@ class Contact:
     def axes(self, surface: FloatArray) -> FloatArray:
         """(3, 3) columns x, y, z of the contact in the world, for the rotation (3, 3) of `on`.
 
-        z is the normal; x and y complete it and turn with the surface.
+        A force f in the axes of the contact is `contact.axes(R_on) @ f` in the world. In the axes of `on`, with the normal n::
+
+            tangent None   I + [k]x + [k]x^2 / (1 + n_z),   k = z x n       the shortest rotation that takes z to n
+            tangent t      x = (t - n n^T t) / |t - n n^T t|,   y = n x x
+
+        The first is I for n = (0, 0, 1), is a smooth function of n, and jumps at n = -z alone, as every choice must
+        somewhere: there x stays and y is -y. The second jumps at n = +-t alone, where it is refused.
         """
-        axes: FloatArray = surface @ basis_with(self._normal)
+        axes: FloatArray = surface @ _axes_with(self._normal, self._tangent)
         return axes
 
     def cone_rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -282,3 +309,17 @@ class Contact:
 
     def __repr__(self) -> str:
         return f"Contact({self._name!r}, {len(self._points)} points, activation {self._activation:g})"
+
+
+def _axes_with(n: FloatArray, tangent: FloatArray | None) -> FloatArray:
+    """(3, 3) columns x, y, z = n in the axes of the surface, as `Contact.axes` says."""
+    if tangent is not None:
+        x = tangent - n * (n @ tangent)
+        x /= np.linalg.norm(x)
+        return np.stack((x, np.cross(n, x), n), axis=1)
+    square = float(n[0] * n[0] + n[1] * n[1])  # (1 + n_z) (1 - n_z)
+    if n[2] < 0.0 and square < _OPPOSITE**2:
+        return np.diag([1.0, -1.0, -1.0])
+    K = skew(np.array([-n[1], n[0], 0.0]))
+    axes: FloatArray = np.eye(3) + K + K @ K * ((1.0 - n[2]) / square if n[2] < 0.0 else 1.0 / (1.0 + n[2]))
+    return axes

@@ -14,7 +14,7 @@ from hqp_rp.core.problem import FloatArray
 
 
 class ContactForceTask:
-    """Forces of contacts, in the axes of each contact (z along its normal), in a level of a `TorqueStack`.
+    """Forces of contacts, in the axes of each contact (z its normal; x, y as of `Contact.axes`), in a level of a `TorqueStack`.
 
     For each contact with points i = 1, ..., k and the target f* (3,), along the chosen axes::
 

@@ -63,6 +63,9 @@ class JointLimit(NativeLimit):
       take their time: what each step brings has no bound like the above. One that moves further out brakes within J first;
     - `gain` brakes no sooner than the stop does.
 
+    **A floating base.** V, A or J as one number bound every velocity, the six of a free joint included, three of them
+    in m/s, m/s^2 or m/s^3; as `{"*": number}` they bound every other joint and leave a floating base alone.
+
     Where dt, q or the limits jump between steps, V holds and A as above; J may yield to them, and a position limit be passed.
 
     Args:

@@ -32,6 +32,7 @@ class MinkTask(DisplacementTask):
     __slots__ = ()
     library = "mink"
     errors = (mink.MinkError,)
+    rates = (mink.DofFreezingTask,)
 
     def __init__(self, item: BaseTask, configurations: Configurations) -> None:
         if not isinstance(item, mink.Task):

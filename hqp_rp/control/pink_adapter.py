@@ -40,6 +40,7 @@ class PinkTask(DisplacementTask):
     __slots__ = ()
     library = "pink"
     errors = _ERRORS
+    rates = (pink.tasks.JointVelocityTask, pink.tasks.LowAccelerationTask, pink.tasks.ManipulabilityTask)
 
     def __init__(self, item: Any, configurations: Configurations) -> None:
         if type(item).compute_qp_objective is not pink.Task.compute_qp_objective:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import LINEAR_AXES, finite_vector
+from hqp_rp.control._checks import LINEAR_AXES, position
 from hqp_rp.control.frame_task import FrameTask
 from hqp_rp.core.problem import FloatArray
 
@@ -18,7 +18,7 @@ class PositionTask(FrameTask[FloatArray]):
 
     Args:
         frame: name of the frame.
-        target: (3,) p* in the world, m.
+        target: (3,) p* in the world, m; of an `SE3` of mink or Pinocchio, its position.
         axes: any of "x", "y", "z": a string such as "xz" or a sequence; one row for each. None means all three.
         expressed_in: whose axes they are: "world", `frame` itself, or any other frame of the robot.
         gain: 1/s, >= 0, one number or one for each row.
@@ -39,7 +39,7 @@ class PositionTask(FrameTask[FloatArray]):
     _kind, _valid, _unit = "position", LINEAR_AXES, "m/s"
 
     def _checked(self, target: ArrayLike) -> FloatArray:
-        return finite_vector(target, 3, f"the target of {self._name!r}", "m")
+        return position(target, f"the target of {self._name!r}")
 
     def _pose(self) -> tuple[None, FloatArray]:
         return None, self._target

@@ -357,9 +357,16 @@ class Stack:
     def _meet(self, robot: Robot) -> StackRows:
         """What makes the rows on this robot, once it is seen to have what the items name."""
         if not isinstance(robot, Robot):
+            library = type(robot).__module__.partition(".")[0]
+            ours = {"pink": "PinocchioRobot", "mink": "MujocoRobot"}.get(library)
+            if ours is not None:
+                raise RobotError(
+                    f"robot is a {library} {type(robot).__name__}; give a robot made of its model: "
+                    f"robot = hqp_rp.robot.{ours}(configuration.model), robot.update(configuration.q)."
+                )
             raise RobotError(
                 f"robot is a {type(robot).__name__}; give a robot with the methods of hqp_rp.robot.Robot, such as a "
-                "MujocoRobot."
+                "MujocoRobot, or a PinocchioRobot for tasks of pink."
             )
         for where, item in self._places():
             check_frames(robot, getattr(item, "frames", ()), f"{where}: {item.name!r}")

@@ -32,6 +32,7 @@ from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
 CONTACTS = "contacts"
+_FORCES = (ContactForceTask, TorqueTask)
 
 
 class TorqueStack:
@@ -47,7 +48,7 @@ class TorqueStack:
     never empty. The first level, "contacts", is the motion of the contacts; then come those that are given. Any solver that
     takes hard rows solves it::
 
-        stack = TorqueStack([com, hand, [posture, even]], [JointLimit(acceleration=50.0)], contacts=[left, right])
+        stack = TorqueStack([com, hand, [posture, even]], [JointLimit(acceleration={"*": 50.0})], contacts=[left, right])
         robot.update(q)
         problem = stack.problem(robot, dt, v)
         x = hqp_rp.solve(problem, "hierarchical_active_set").require()
@@ -74,6 +75,8 @@ class TorqueStack:
         metric: as in `Stack`, of v-dot; forces in force_unit keep the plain norm.
         force_unit: N, > 0: what counts as much as 1 rad/s^2 in the least norm of x, and in damping. Levels that determine x,
             such as a posture and evenly shared forces, leave it nothing to decide.
+        kd: 1/s, > 0, of tasks that state a velocity alone, those of mink and pink among them, as in `AccelerationStack`: the
+            gain of a task of mink or pink should be at most kd dt / 4, and a greater one is warned of.
 
     Raises:
         SettingError: an item that is none of these, a force task on a contact that is not among `contacts`, or a value out of
@@ -98,6 +101,7 @@ class TorqueStack:
         damping: LevelDamping | Sequence[LevelDamping | None] | None = None,
         metric: StackMetric = None,
         force_unit: float = 100.0,
+        kd: float = 20.0,
     ) -> None:
         if not isinstance(levels, list | tuple) or not levels:
             raise SettingError(f"levels is {levels!r}; give a list with at least one level, most important first.")
@@ -113,7 +117,7 @@ class TorqueStack:
         for k, level in enumerate(self._levels):
             if not level:
                 raise SettingError(f"level {k + 1} is empty; give it at least one task, or leave the level out.")
-            forces = [item for item in level if isinstance(item, ContactForceTask | TorqueTask)]
+            forces = [item for item in level if isinstance(item, _FORCES)]
             for item in forces:
                 self._force_items.append((k, item))
                 for contact in item.contacts if isinstance(item, ContactForceTask) else ():
@@ -121,7 +125,7 @@ class TorqueStack:
                         raise SettingError(
                             f"level {k + 1}: {item.name!r} is about {contact.name!r}, which is not among the stack's contacts."
                         )
-            others = [item for item in level if not isinstance(item, ContactForceTask | TorqueTask)]
+            others = [item for item in level if not isinstance(item, _FORCES)]
             if others:
                 motion.append(others)
                 self._motion_levels.append(k)
@@ -133,7 +137,7 @@ class TorqueStack:
                 f"damping has {len(policies)} entries for {len(self._levels)} levels; give one policy or None for each, or one "
                 "for all."
             )
-        self._motion = AccelerationStack(motion, limits, damping=[policies[k] for k in self._motion_levels])
+        self._motion = AccelerationStack(motion, limits, damping=[policies[k] for k in self._motion_levels], kd=kd)
         for k in range(len(self._levels)):
             if policies[k] is not None and k not in self._motion_levels:
                 raise SettingError(f"level {k + 1} holds forces alone, which need no damping; give None for it.")
@@ -154,7 +158,12 @@ class TorqueStack:
 
     def _level_names(self, names: Sequence[str] | None) -> tuple[str, ...]:
         if names is None:
-            return tuple(" + ".join(str(getattr(item, "name", item)) for item in level) for level in self._levels)
+            # Tasks of mink and pink are named by their adapters.
+            given = [item for k in self._motion_levels for item in self._levels[k] if not isinstance(item, _FORCES)]
+            names_of = {id(item): own.name for item, (_, own) in zip(given, self._motion._items, strict=True)}
+            return tuple(
+                " + ".join(str(names_of.get(id(item)) or item.name) for item in level) for level in self._levels
+            )
         if isinstance(names, str) or len(names) != len(self._levels):
             raise SettingError(f"names is {names!r}; give one name for each of the {len(self._levels)} levels.")
         return tuple(str(name) for name in names)
@@ -447,6 +456,7 @@ class TorqueStack:
             "damping": list(self._damping),
             "metric": self._metric.stated,
             "force_unit": self._force_unit,
+            "kd": self._motion._kd,
         }
         return _rebuilt, (self._levels, self._motion.limits, arguments)
 

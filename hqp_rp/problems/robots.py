@@ -139,7 +139,7 @@ def torque_problems() -> Iterator[tuple[str, Problem]]:
         orientation = OrientationTask("tool", np.eye(3), gain=10.0)
         posture = PostureTask(robot.neutral, gain=5.0)
         limit = JointLimit(acceleration=50.0)
-        contact = Contact("tool", friction=0.5, max_force=100.0, kd=20.0)
+        contact = Contact("tool", tangent=[0.0, 1.0, 0.0], friction=0.5, max_force=100.0, kd=20.0)
         cases: dict[str, tuple[list[object], dict[str, object]]] = {
             "free": ([position, orientation, posture], {"metric": "inertia", "torque": np.inf}),
             "limits": ([position, orientation, posture], {"limits": [limit], "torque": 60.0}),

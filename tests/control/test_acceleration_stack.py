@@ -264,7 +264,8 @@ def test_tasks_of_mink_are_taken():
         robot.update(robot.integrate(robot.neutral + 0.2, v, s))
         sides.append(Stack([task]).problem(robot, dt).matrix @ v)
     robot.update(robot.neutral + 0.2)
-    lower = AccelerationStack([task]).problem(robot, dt, v).lower
+    with pytest.warns(UserWarning, match="swings"):
+        lower = AccelerationStack([task]).problem(robot, dt, v).lower
     np.testing.assert_allclose(lower, 20.0 * (rate - J @ v) - (sides[0] - sides[1]) / (2 * h), atol=1e-5)
 
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hqp_rp.control import JointLimit, PostureTask, Stack
 from hqp_rp.core._native import allowed_step, stop_change, stop_rise
 from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.robot.named import named_robot
 from tests.control.chain import Chain, random_chain
 
 _allowed_step = np.vectorize(allowed_step)
@@ -406,3 +407,21 @@ def test_jerk_needs_velocity_and_acceleration_before():
     np.testing.assert_allclose(hard.upper, 10.0 * 0.01**2)
     level = Stack([JointLimit(jerk=10.0)]).batch(robot, np.zeros((2, 7)), 0.01, rest, rest)
     np.testing.assert_allclose(level[2], 10.0 * 0.01**2)
+
+
+def test_a_number_bounds_a_floating_base_too_and_a_pattern_leaves_it_out():
+    robot = named_robot("humanoid")
+    robot.update(robot.neutral)
+    v, free = np.zeros(robot.nv), {"position": False}
+    for settings, bound in (
+        ({"velocity": 3.0}, 3.0),
+        ({"velocity": {"*": 3.0}}, np.inf),
+        ({"velocity": np.inf, "acceleration": 100.0}, 100.0 * 0.002),
+        ({"velocity": np.inf, "acceleration": {"*": 100.0}}, np.inf),
+    ):
+        _, lower, upper = JointLimit(**settings, **free).rows(robot, 0.002, v)
+        np.testing.assert_allclose(upper[:6], bound)
+        np.testing.assert_allclose(lower[:6], -bound)
+        assert np.isfinite(upper[6:]).all()
+    J, _ = PostureTask(robot.neutral, joints=["*"]).evaluate(robot)
+    np.testing.assert_array_equal(J, np.eye(robot.nv)[6:])

@@ -1,6 +1,7 @@
 """pink's tasks in our levels, against pink's own problem and solution."""
 
 import pickle
+import warnings
 
 import numpy as np
 import pink
@@ -23,9 +24,19 @@ from pink.tasks import (
 )
 
 import hqp_rp
-from hqp_rp.control import JointLimit, PositionTask, Stack
+from hqp_rp.control import (
+    AccelerationStack,
+    CenterOfMassTask,
+    Contact,
+    ContactForceTask,
+    JointLimit,
+    PositionTask,
+    Stack,
+    TorqueStack,
+)
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.robot import MujocoRobot, PinocchioRobot, sawyer
+from hqp_rp.robot.named import named_robot
 from tests.bench.remote import arm_urdf
 from tests.control.pink_scene import DT, FRAMES, away, frame_task, moved, scene, theirs_at
 
@@ -314,3 +325,131 @@ def test_a_robot_that_mujoco_computes_is_refused():
         RobotError, match=r"need a robot that Pinocchio computes; this one is a MujocoRobot. Load it as"
     ):
         Stack([DampingTask(cost=1.0)]).problem(MujocoRobot.from_arm(sawyer()), DT)
+
+
+def standing_pink(gain, lm_damping=0.0, seed=0):
+    """A humanoid on Pinocchio under torques, its hand led by a pink task, and pink's configuration."""
+    robot = PinocchioRobot.from_mujoco(named_robot("humanoid").model, neutral="neutral")
+    robot.update(robot.neutral)
+    hand = FrameTask("left_hand", position_cost=1.0, orientation_cost=0.0, gain=gain, lm_damping=lm_damping)
+    hand.set_target_from_configuration(theirs_at(robot))
+    hand.transform_target_to_world.translation += np.array([0.05, 0.0, 0.05])
+    corners = [[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.05, 0.05)]
+    soles = [Contact(f"{side}_sole", points=corners, friction=0.6) for side in ("left", "right")]
+    return robot, hand, soles
+
+
+def torque_stack(robot, hand, soles, **settings):
+    even = ContactForceTask(soles, each=True, weight=0.1)
+    levels = [
+        CenterOfMassTask(robot.center_of_mass(), axes="xy", gain=6.0),
+        hand,
+        [hqp_rp.PostureTask(robot.neutral, joints=["*"], gain=4.0), even],
+    ]
+    return TorqueStack(levels, [JointLimit(acceleration={"*": 100.0})], contacts=soles, torque=150.0, **settings)
+
+
+@pytest.mark.parametrize(("gain", "kd", "ratio"), [(1.0, 20.0, "0.1"), (0.1, 20.0, "0.32"), (0.1, 60.0, "0.55")])
+def test_a_pink_gain_that_swings_under_torques_is_warned_of_once(gain, kd, ratio):
+    robot, hand, soles = standing_pink(gain)
+    stack = torque_stack(robot, hand, soles, kd=kd)
+    v = np.zeros(robot.nv)
+    told = (
+        f"'pink FrameTask left_hand' has the gain {gain:g} at dt 0.002 s.*damping ratio {ratio}\\).*= {kd / 2000:g}, or"
+    )
+    with pytest.warns(UserWarning, match=told) as warned:
+        stack.problem(robot, 0.002, v)
+    assert len(warned) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        stack.problem(robot, 0.002, v)
+        stack.problem(robot, 0.0019, v)
+
+
+def test_a_pink_task_with_kd_dt_over_4_settles_under_torques():
+    """gain = 5 dt with the kd of 20, or more with a greater kd, is critically damped; a greater gain swings as told."""
+
+    def run(gain, kd):
+        robot, hand, soles = standing_pink(gain)
+        stack = torque_stack(robot, hand, soles, kd=kd)
+        solver, v = hqp_rp.get_solver("hierarchical_active_set"), np.zeros(robot.nv)
+        goal, errors = hand.transform_target_to_world.translation.copy(), []
+        for _ in range(750):
+            problem = stack.problem(robot, 0.002, v)
+            v = v + 0.002 * stack.dynamics(problem).acceleration(solver.solve(problem).require())
+            robot.update(robot.integrate(robot.q, v, 0.002))
+            errors.append(goal - robot.pose("left_hand")[1])
+        along = np.array(errors) @ errors[0] / (errors[0] @ errors[0])
+        return np.linalg.norm(errors[-1]), -along.min()
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for gain, kd in ((5 * 0.002, 20.0), (20 * 0.002, 80.0)):
+            left, overshoot = run(gain, kd)
+            assert left < 1e-3
+            assert overshoot < 0.01
+    with pytest.warns(UserWarning, match="damping ratio 0.5"):
+        # exp(-pi / sqrt(3)) = 0.16 in continuous time.
+        assert 0.1 < run(20 * 0.002, 20.0)[1] < 0.17
+
+
+def test_kd_of_a_torque_stack_is_that_of_its_motion_rows():
+    robot, hand, soles = standing_pink(0.01)
+    v = 0.1 * np.random.default_rng(3).normal(size=robot.nv)
+    made = {}
+    for kd in (20.0, 60.0):
+        stack = torque_stack(robot, hand, soles, kd=kd)
+        stack = pickle.loads(pickle.dumps(stack))
+        made[kd] = stack.problem(robot, 0.002, v).levels[2].lower
+        expected = AccelerationStack([hand], kd=kd).problem(robot, 0.002, v).levels[0].lower
+        np.testing.assert_allclose(made[kd], expected, rtol=1e-9)
+    assert np.abs(made[60.0] - made[20.0]).max() > 0.1
+    with pytest.raises(SettingError, match=r"kd is -1\.0"):
+        torque_stack(robot, hand, soles, kd=-1.0)
+
+
+def test_lm_damping_that_accelerations_leave_out_is_warned_of():
+    robot, hand, soles = standing_pink(0.01, lm_damping=0.5)
+    v = np.zeros(robot.nv)
+    for stack in (torque_stack(robot, hand, soles), AccelerationStack([hand])):
+        with pytest.warns(UserWarning, match=r"has lm_damping 0.5, which damps displacements.*ErrorDamping") as warned:
+            stack.problem(robot, 0.002, v)
+        assert len(warned) == 1
+    policy = hqp_rp.ErrorDamping(0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        AccelerationStack([hand], damping=policy).problem(robot, 0.002, v)
+        Stack([hand]).problem(robot, 0.002)
+
+
+def test_tasks_that_want_a_velocity_have_no_gain_to_warn_of():
+    robot = PinocchioRobot.from_arm(sawyer())
+    robot.update(robot.neutral)
+    velocity, low = JointVelocityTask(cost=1.0), LowAccelerationTask(cost=1.0)
+    velocity.set_target(np.ones(7), 0.002)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        AccelerationStack([velocity, low, DampingTask(cost=1.0)]).problem(robot, 0.002, np.zeros(7))
+
+
+def test_levels_of_a_torque_stack_have_the_names_of_a_stack():
+    robot, hand, soles = standing_pink(0.01)
+    stack = torque_stack(robot, hand, soles)
+    assert stack.names[2] == Stack([hand]).names[0] == "pink FrameTask left_hand"
+    assert stack.names == ("contacts", "centre of mass", "pink FrameTask left_hand", stack.names[3])
+
+
+def test_a_pink_configuration_is_told_which_robot_to_make():
+    robot, hand, _ = standing_pink(0.01)
+    with pytest.raises(RobotError, match=r"pink Configuration; give .*PinocchioRobot\(configuration.model\)"):
+        Stack([hand]).problem(theirs_at(robot), 0.002)
+
+
+def test_a_position_task_takes_the_place_of_an_se3():
+    pose = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([0.4, 0.5, 0.6]))
+    np.testing.assert_array_equal(PositionTask("tool", pose).target, [0.4, 0.5, 0.6])
+    task = PositionTask("tool", np.zeros(3))
+    task.target = pose
+    np.testing.assert_array_equal(task.target, [0.4, 0.5, 0.6])
+    with pytest.raises(SettingError, match="the target of 'tool position'"):
+        PositionTask("tool", np.eye(4))

@@ -83,6 +83,7 @@ class ActiveSetSearch {
     counted_ = workspace.counts(size);
     list_ = workspace.counts(size);
     stays_ = workspace.counts(M + 1);
+    passed_ = workspace.counts(M + 1);
     released_ = workspace.counts(M + 1);
     origin_ = workspace.numbers(size);
     target_ = workspace.numbers(size + n_);
@@ -441,11 +442,19 @@ class ActiveSetSearch {
     return {true, sought, f.smallest};
   }
   // Gathers held and counted rows and factors the held ones; those that depend on others of them leave. Returns how many remain.
-  int factor_held(int k, int nW, int nB, int c0) {
+  // newest (-1 for none): the row that stopped a step of length zero. Where it depends on the others, the point is a degenerate vertex
+  // and what carried the row across its bound rounding: it is passed, and may not stop a step until the working set is another.
+  int factor_held(int k, int nW, int nB, int c0, int newest) {
     gather_held(k, nW, 0);
     gather_counted(counted_, nB, nW);
     if (nW == 0) return 0;
     const int r = factor(0, nW, c0, nW + nB, depends_, 0);
+    if (r < nW && newest >= 0) {
+      smallest_held = 0.0;
+      rows_.release(newest);
+      passed_[newest] = 1;
+      return factor_held(k, rows_.compress(held_, nW), nB, c0, -1);
+    }
     for (int i = 0; i < r; ++i) smallest_held = std::min(smallest_held, std::fabs(matrix_[i][c0 + i]));
     if (r < nW) {
       smallest_held = 0.0;
@@ -755,9 +764,9 @@ class ActiveSetSearch {
     const int most = n_ - c0;
     unproven_ = k < p_ && uneven_[k];  // those are answered row by row
     int blocks = block_pivots;
-    int idle = 0, last_left = -1;
+    int idle = 0, last_left = -1, newest = -1;
     bool guess = true;
-    for (int i = 0; i < end; ++i) stays_[i] = 0;
+    for (int i = 0; i < end; ++i) stays_[i] = passed_[i] = 0;
     for (int i = r0; i < r1; ++i) released_[i] = 0;
     for (int i = r0; i < r1; ++i) guess = guess && rows_.equality(i);
     for (;;) {
@@ -769,7 +778,8 @@ class ActiveSetSearch {
       }
       const int nB = list_counted(r0, r1);
       const int top = nW;
-      nW = factor_held(k, nW, nB, c0);
+      nW = factor_held(k, nW, nB, c0, newest);
+      newest = -1;
       const double begun = length(point_);
       Turn turn;
       const Minimized m = step_to_minimizer(k, r0, r1, last, top, nW, nB, c0, begun, turn);
@@ -822,7 +832,7 @@ class ActiveSetSearch {
       typename Rows::Block block{1.0, -1, 0};
       if (moves) {
         const double slack = bland ? tolerance::bland_slack * std::min(doubt_after(idle), tolerance::largest_slack) * size : 0.0;
-        block = rows_.first_to_block(end, r0, span, slack, depends_);
+        block = rows_.first_to_block(end, r0, span, slack, depends_, passed_);
         rows_.set_length(end, r0, block.length);
         add_multiple(point_, move_, block.length, 0, width_);
         if (!finite(point_, n_)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
@@ -830,13 +840,16 @@ class ActiveSetSearch {
       size = length(point_) + m.sought;
       idle = block.length * span <= tolerance::idle * size ? idle + 1 : 0;
       if (idle == 0)
-        for (int i = 0; i < end; ++i) stays_[i] = 0;
+        for (int i = 0; i < end; ++i) stays_[i] = passed_[i] = 0;
       else if (block.row >= 0 && block.row == last_left)
         stays_[block.row] = 1;  // with a multiplier of that sign it would have moved into its bounds
       last_left = -1;
       if (block.row >= 0) {
         rows_.activate(block.row, block.side);
-        if (rows_.state[block.row] == Rows::kept) held_[nW++] = block.row;
+        if (rows_.state[block.row] == Rows::kept) {
+          held_[nW++] = block.row;
+          if (idle > 0) newest = block.row;
+        }
         continue;
       }
       const double residual = multipliers(top, nW, nB, c0, last, size);
@@ -847,6 +860,7 @@ class ActiveSetSearch {
       if (worst < 0) return {Outcome::solved, nW, nW, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
       leave(worst);
       last_left = worst;
+      for (int i = 0; i < end; ++i) passed_[i] = 0;
       nW = rows_.compress(held_, nW);
     }
   }
@@ -1000,6 +1014,7 @@ class ActiveSetSearch {
   int *first_, *column_;
   int *held_, *counted_, *list_;
   int* released_;     // rows of the level that were released as hidden
+  int* passed_;       // rows that depend on held ones and stopped a step of length zero
   int* stays_;        // rows that came back at once when they left: their multiplier is rounding error until x moves
   double* origin_;    // which listed row stands where after the factorization's swaps
   double* target_;

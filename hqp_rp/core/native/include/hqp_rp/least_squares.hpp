@@ -13,12 +13,12 @@ inline namespace HQP_ISA {
 // saying which row stands where; right (padded m,) holds t padded with zeros, and is overwritten.
 inline void tall_answer(Matrix T, Matrix V, int r, int steps, const double* order, double* right, double* y) {
   for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
-  for (int i = steps - 1; i >= 0; --i) {
-    const double* HQP_RESTRICT row = T[i];
-    const double s = right[i] /= row[i];
-    for (int j = 0; j < i; ++j) right[j] -= row[j] * s;
+  for (int j = r - 1; j >= 0; --j) {
+    double s = j < steps ? right[j] : 0.0;
+    for (int i = j + 1; i < steps; ++i) s -= T[i][j] * right[i];
+    right[j] = j < steps ? s / T[j][j] : 0.0;
   }
-  for (int j = 0; j < r; ++j) y[static_cast<int>(order[j])] = j < steps ? right[j] : 0.0;
+  for (int j = 0; j < r; ++j) y[static_cast<int>(order[j])] = right[j];
 }
 
 // min ||C y - t|| for C (m, r) of full column rank, m >= r, given by T = C^T (r, padded m), overwritten; right (padded m,) holds t

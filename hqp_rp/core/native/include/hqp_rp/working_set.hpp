@@ -201,11 +201,11 @@ struct WorkingRows {
   // How far the step that was tried goes; span = ||step||. A row that changes by less than `depends` times its norm depends on the
   // working set, as its factorization sees it, and cannot block. Of rows nearer to their bounds than `slack` times their size the
   // first stops it at once, whatever rounding says of their order: with slack > 0 as Bland's rule needs it. None stops a step that ends
-  // within the slack (Harris 1973): how a row changes along so short a step is rounding error.
-  Block first_to_block(int end, int r0, double span, double slack, double depends) const {
+  // within the slack (Harris 1973): how a row changes along so short a step is rounding error. Rows that are `passed` stop nothing.
+  Block first_to_block(int end, int r0, double span, double slack, double depends, const int* passed) const {
     Block best{1.0, -1, 0};
     for (int i = 0; i < end; ++i) {
-      if (working[i] || !takes_part(i, r0)) continue;
+      if (working[i] || passed[i] || !takes_part(i, r0)) continue;
       const double s = change[i];
       if (!(std::fabs(s) > 2.0 * depends * norm[i] * span)) continue;
       const double b = s > 0.0 ? up[i] : low[i];
