@@ -205,6 +205,7 @@ def test_the_command_line_needs_no_more_than_it_uses(tmp_path: Path) -> None:
     [
         (["compare", "--quick"], (), sentence("hqp-rp compare", *REPORT, "report")),
         (["stress", "sawyer", "--stack", "sawyer"], (), sentence("hqp-rp stress", *REPORT, "report")),
+        (["replay", "case.npz"], (), sentence("hqp-rp replay", *REPORT, "report")),
         (["statistics"], (), sentence("hqp-rp statistics", *REPORT, "report")),
         (["claims"], (), sentence("hqp-rp claims", *REPORT, "report")),
         (["play"], ("mujoco",), sentence("hqp-rp play", "viser", "viser", "play")),

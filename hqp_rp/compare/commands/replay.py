@@ -7,7 +7,7 @@ import pathlib
 import tyro
 
 from hqp_rp.core.errors import SettingError
-from hqp_rp.core.extras import require, require_report
+from hqp_rp.core.extras import missing_of, require_report
 
 
 def replay(
@@ -26,7 +26,8 @@ def replay(
         figure: of a recording, the figure to write instead of showing it: .png, .pdf or .svg.
         port: of the page of a recording.
     """
-    require("hqp-rp replay", "mujoco", "scipy")
+    if missing_of(("mujoco", "scipy")):  # without which a recording is not told from a case
+        require_report("hqp-rp replay")
     from hqp_rp.compare.play.recording import is_recording
 
     if len(file) == 1 and is_recording(file[0]):
