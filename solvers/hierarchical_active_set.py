@@ -12,7 +12,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Problem
-from hqp_rp.core.row_names import hard_rows_in_words
+from hqp_rp.core.row_names import contradicting
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import RANK_TOLERANCE, Solver, checked_secondary, require_rank_tolerance
 from hqp_rp.core.variant import QP, LineUp, Variant
@@ -121,7 +121,7 @@ class HierarchicalActiveSet(Solver):
             solution.held = side
             return solution
         if status is Status.INFEASIBLE:
-            message = f"{hard_rows_in_words(problem, np.flatnonzero(side))} contradict each other: no x meets them all."
+            message = f"{contradicting(problem, np.flatnonzero(side))}: no x meets them all."
             least = x if self.least_violation else None
             return Solution(problem, least, status, iterations, message, secondary)
         if status is Status.ITERATION_LIMIT:

@@ -14,7 +14,7 @@ from hqp_rp.core.errors import SettingError
 from hqp_rp.core.level_damping import solve_with_damped_targets
 from hqp_rp.core.metric import solve_in_metric
 from hqp_rp.core.problem import FloatArray, Level, Problem
-from hqp_rp.core.row_names import hard_rows_in_words
+from hqp_rp.core.row_names import contradicting
 from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.stacked import load
 from hqp_rp.core.tolerances import UNILATERAL_ROUNDING
@@ -122,8 +122,7 @@ class ReversePriorityUnilateral(ClosedForm):
         if status is Status.NOT_FINITE:
             return Solution(problem, None, status, iterations, _OVERFLOW, secondary)
         if status is Status.INFEASIBLE:
-            named = hard_rows_in_words(problem, np.flatnonzero(side[:m]))
-            message = f"{named} contradict each other: no x meets them all."
+            message = f"{contradicting(problem, np.flatnonzero(side[:m]))}: no x meets them all."
             return Solution(problem, None, status, iterations, message, secondary)
         if status is Status.ITERATION_LIMIT:
             message = f"No optimal set of active rows in {self.max_iterations} iterations; raise max_iterations."

@@ -39,6 +39,18 @@ class Approach:
         self.deceleration = _positive(deceleration, f"the deceleration of {owner!r}")
         self.return_speed = _positive(return_speed, f"the return_speed of {owner!r}")
 
+    def brakes(self, name: str) -> str:
+        """What lets x come to the limit of this name slower, as the end of a sentence."""
+        if math.isinf(self.deceleration):
+            return (
+                f"give {name!r} deceleration=, at most what the joints can brake there, or a gain= below {self.gain:g}"
+            )
+        return f"give {name!r} a deceleration= below {self.deceleration:g}, or a gain= below {self.gain:g}"
+
+    def returns(self, name: str) -> str:
+        """What makes the limit of this name ask for a slower way back, as the end of a sentence."""
+        return f"give {name!r} a return_speed= below {self.return_speed:g}"
+
     def least_rate(self, distance: FloatArray, dt: float) -> FloatArray:
         """(m,) m/s, from distances (m,) in m; -inf where the distance is infinite."""
         step = braking_step(np.abs(distance), min(1.0, self.gain * dt), self.deceleration * dt * dt)

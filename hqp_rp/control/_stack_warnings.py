@@ -11,6 +11,7 @@ from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control.joint_coupling import JointCoupling
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.limit import VelocityLimit
+from hqp_rp.control.locked_joints import LockedJoints
 from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.core.problem import IntArray
 from hqp_rp.core.warned import warn
@@ -59,7 +60,12 @@ def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
     holding = [item.couplings for item in items if isinstance(item, JointCoupling)]
     held = {(coupling.joint, coupling.source) for own in holding for coupling in own or ()}
     couplings = () if None in holding else getattr(robot, "couplings", ())
-    loose = [coupling.joint for coupling in couplings if (coupling.joint, coupling.source) not in held]
+    locked = {name for item in items if isinstance(item, LockedJoints) for name in item.row_names(robot)}
+    loose = [
+        coupling.joint
+        for coupling in couplings
+        if (coupling.joint, coupling.source) not in held and not {coupling.joint, coupling.source} <= locked
+    ]
     if loose:
         told.append(
             f"The robot's model says that the joints {_listed(loose)} follow others, which this stack does not hold; add "

@@ -65,6 +65,8 @@ class AccelerationStack(Stack):
 
     __slots__ = ("_kd", "_told")
 
+    _of_velocities = False
+
     def __init__(
         self,
         levels: Sequence[Item | Sequence[Item]],

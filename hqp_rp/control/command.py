@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from collections.abc import Container
+from collections.abc import Callable, Container
 
 from hqp_rp.core._native import is_finite
 from hqp_rp.core.problem import FloatArray, Problem
@@ -26,8 +26,8 @@ class Command:
     Attributes:
         v: (nv,) the velocity to send, rad/s or m/s; always finite, read-only.
         mode: what the loop was doing.
-        reason: why it does not run, as a sentence; empty while it runs.
-        problem: what was asked of the solver, or None when it was not asked.
+        told: what `reason` says, or what says it.
+        problem: what was asked of the solver, or None when it was not asked; `MotionRunner.problem` is there in every mode.
         solution: what the solver answered, or None.
         scale: in [0, 1], by which the answer was shortened to meet limits; 1 where it was not.
         solve_time: s, wall clock of the solver's call alone; 0 when it was not asked.
@@ -35,11 +35,23 @@ class Command:
 
     v: FloatArray
     mode: Mode
-    reason: str = ""
+    told: str | Callable[[], str] = dataclasses.field(default="", repr=False)
     problem: Problem | None = None
     solution: Solution | None = None
     scale: float = 1.0
     solve_time: float = 0.0
+
+    @property
+    def reason(self) -> str:
+        """Why it does not run, in words; empty while it runs. Where hard rows contradict each other it is made when asked for,
+        some milliseconds that a control loop need not spend."""
+        return self.told if isinstance(self.told, str) else self.told()
+
+
+def conflict_reason(solution: Solution, otherwise: str) -> str:
+    """Why the answer of status INFEASIBLE may not be sent: the status and its conflict in words, or what `otherwise` says."""
+    conflict = solution.conflict
+    return otherwise if conflict is None else f"The solver failed: {solution.status.value} {conflict}"
 
 
 def fault_of(solution: Solution, accepted: Container[Status], nv: int) -> str:

@@ -90,12 +90,13 @@ class FrameSpeedLimit:
         return np.concatenate(rows), -bounds, bounds
 
     def row_names(self, robot: Robot) -> list[str]:
-        """The frame, which speed, and the axis or the face."""
+        """Which speed, the frame, and the axis; the faces that stand for one length all alike."""
         names = []
         for what, bound in (("linear", self._linear), ("angular", self._angular)):
             if bound is not None:
-                of = "xyz" if len(bound) == 3 else [f"face {i + 1}" for i in range(len(bound))]
-                names += [f"{self._frame} {what} {which}" for which in of]
+                of = [f"along {axis}" for axis in "xyz"] if len(bound) == 3 else [""] * len(bound)
+                speed = "speed" if what == "linear" else "angular speed"
+                names += [f"{speed} of {self._frame} {which}".rstrip() for which in of]
         return names
 
     def _bound(self, value: ArrayLike | None, which: str, unit: str) -> FloatArray | None:

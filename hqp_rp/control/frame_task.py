@@ -124,6 +124,15 @@ class FrameTask(FeedbackTask, Generic[Target]):
         self._feedforward = None if value is None else finite_vector(value, len(self._valid), what, self._unit)
         self._packed = None
 
+    def row_names(self, robot: Robot) -> list[str]:
+        """The chosen axes, one for each row."""
+        return list(self._axes)
+
+    def row_units(self, robot: Robot) -> list[str]:
+        """The unit of each row; "" where a weight scales them."""
+        scaled = bool(np.any(np.asarray(self._weight) != 1.0))
+        return ["" if scaled else "m/s" if axis in LINEAR_AXES else "rad/s" for axis in self._axes]
+
     def _layout(self, robot: Robot) -> Layout:
         axes = None if self._expressed_in == WORLD else self._expressed_in
         return Layout(FRAME, len(self._axes), axis_numbers(self._axes), self._frame, axes)

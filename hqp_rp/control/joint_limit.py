@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import driven_indices, positive_number, real_array
 from hqp_rp.control._coordinates import coordinate_index
 from hqp_rp.control._native_rows import Layout, NativeLimit
-from hqp_rp.control._row_names import velocity_names
+from hqp_rp.control._row_names import per_second, velocity_names, velocity_units
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray
@@ -161,6 +161,40 @@ class JointLimit(NativeLimit):
     def row_names(self, robot: Robot) -> list[str]:
         """The joints, one for each velocity."""
         return velocity_names(robot)
+
+    def bound_causes(
+        self, robot: Robot, dt: float, v: FloatArray | None, lower: FloatArray, upper: FloatArray
+    ) -> list[tuple[str, str]]:
+        """What made lower (nv,) and upper (nv,), as `rows(robot, dt, v)` returned them, in words: position, velocity or
+        acceleration, of two that agree the one that yields last; of a limit on jerks, what is none of these by itself."""
+        speed = per_joint(self._velocity, robot.velocity_limit, robot, f"limit {self._name!r}")
+        acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
+        before = np.zeros(robot.nv) if v is None else v
+        units = velocity_units(robot)
+        rest = "position" if self._jerk is None else "position, velocity and jerk"
+
+        def cause(bound: float, j: int, side: float) -> str:
+            if not math.isfinite(bound):
+                return ""
+            near = 1e-9 * (abs(bound) + abs(float(before[j])))
+            slowest = before[j] + side * acceleration[j] * dt  # what the acceleration allows
+            if abs(bound + side * speed[j]) <= near and -side * slowest > speed[j] + near:
+                return f"velocity {speed[j]:g} {units[j]}, from {before[j]:.3g} {units[j]} beyond it"
+            for end in (side, -side):
+                yields = "" if end == side else ", as fast as that allows"
+                pushed = "" if end == side else "position: "
+                if abs(bound - end * speed[j]) <= near:
+                    return f"{pushed}velocity {speed[j]:g} {units[j]}{yields}"
+                if abs(bound - before[j] - end * acceleration[j] * dt) <= near:
+                    unit = per_second(units[j])
+                    start = round(float(before[j]), 6) + 0.0
+                    return f"{pushed}acceleration {acceleration[j]:g} {unit} x dt from {start:.3g} {units[j]}{yields}"
+            return rest
+
+        return [
+            (cause(float(low), j, -1.0), cause(float(high), j, 1.0))
+            for j, (low, high) in enumerate(zip(lower, upper, strict=True))
+        ]
 
     def _layout(self, robot: Robot) -> Layout:
         coordinates = [-1] * robot.nv

@@ -74,6 +74,15 @@ class VelocityLimit(NativeLimit):
         """The joints, one for each velocity."""
         return velocity_names(robot)
 
+    def bound_causes(
+        self, robot: Robot, dt: float, v: FloatArray | None, lower: FloatArray, upper: FloatArray
+    ) -> list[tuple[str, str]]:
+        """What made lower (nv,) and upper (nv,): the velocity limit, where there is one."""
+        return [
+            tuple("velocity" if np.isfinite(bound) else "" for bound in pair)  # type: ignore[misc]
+            for pair in zip(lower, upper, strict=True)
+        ]
+
     def _layout(self, robot: Robot) -> Layout:
         return Layout(BOX, robot.nv, [-1] * robot.nv)
 

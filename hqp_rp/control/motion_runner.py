@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import time
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +12,7 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import finite_vector, positive_number, real_array
 from hqp_rp.control._refusal import require_not_refused, require_taken
 from hqp_rp.control.acceleration_stack import AccelerationStack
-from hqp_rp.control.command import Command, Mode, fault_of
+from hqp_rp.control.command import Command, Mode, conflict_reason, fault_of
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.stack import Stack
 from hqp_rp.core._native import stop_change
@@ -67,9 +69,11 @@ class MotionRunner:
         "_acceleration",
         "_accepted",
         "_began",
+        "_conflict",
         "_failures",
         "_limits",
         "_mode",
+        "_problem",
         "_rate",
         "_reason",
         "_sent",
@@ -95,6 +99,8 @@ class MotionRunner:
         self._sent: FloatArray | None = None
         self._rate: FloatArray | None = None
         self._solution: Solution | None = None
+        self._problem: Problem | None = None
+        self._conflict: Callable[[], str] | None = None  # of the step at which hard rows first could not be met
         self.reset()
 
     @property
@@ -104,13 +110,19 @@ class MotionRunner:
 
     @property
     def reason(self) -> str:
-        """Why it does not run, as a sentence; empty while it runs."""
-        return self._reason
+        """Why it does not run, in words; empty while it runs. Where hard rows contradict each other it is the `Conflict` of the
+        first step at which they did, kept until an answer comes."""
+        return self._reason if isinstance(self._reason, str) else self._reason()
 
     @property
     def solution(self) -> Solution | None:
         """What the solver answered when it was last asked, usable or not; None before."""
         return self._solution
+
+    @property
+    def problem(self) -> Problem | None:
+        """The last problem that was made, in every mode, also where `Command.problem` is None; None before."""
+        return self._problem
 
     @property
     def failures(self) -> int:
@@ -122,8 +134,9 @@ class MotionRunner:
 
         v is in rad/s or m/s, a in rad/s^2 or m/s^2; only limits on jerks look at a.
         """
+        self._reason: str | Callable[[], str]
         self._mode, self._reason, self._began = Mode.RUNNING, "", False
-        self._failures, self._solution = 0, None
+        self._failures, self._solution, self._problem, self._conflict = 0, None, None, None
         self._sent = None if v is None else finite_vector(v, np.size(v), "v", "rad/s or m/s")
         self._rate = None if a is None else finite_vector(a, np.size(a), "a", "rad/s^2 or m/s^2")
         self._solver.reset()
@@ -162,13 +175,21 @@ class MotionRunner:
             if not self._began:
                 raise
             reason = f"{type(error).__name__}: {error}"
+        told: Callable[[], str] | None = None
+        if problem is not None:
+            self._problem = problem
         if solution is not None:
             self._solution = solution
+            if solution.status is Status.INFEASIBLE and reason:
+                if not self._conflict:
+                    self._conflict = functools.partial(conflict_reason, solution, reason)
+                told = self._conflict
         if reason or solution is None or solution.x is None:
             self._failures += 1
-            return self._brake(robot, before, rate, dt, reason, problem, solution, seconds)
+            return self._brake(robot, before, rate, dt, told or reason, problem, solution, seconds)
         answer = solution.x.copy()
         answer.flags.writeable = False
+        self._conflict = None
         self._rate = (answer - before) / dt
         self._sent, self._mode, self._reason, self._began, self._failures = answer, Mode.RUNNING, "", True, 0
         return Command(answer, Mode.RUNNING, "", problem, solution, 1.0, seconds)
@@ -191,9 +212,8 @@ class MotionRunner:
         if not isinstance(reason, str) or not reason:
             raise SettingError(f"reason is {reason!r}; give a sentence that says why the robot shall hold.")
         before, rate = self._motion_before(robot)
-        if self._mode is Mode.STOPPED:
-            reason = self._reason
-        return self._brake(robot, before, rate, dt, reason, None, None, 0.0)
+        told = self._reason if self._mode is Mode.STOPPED else reason
+        return self._brake(robot, before, rate, dt, told, None, None, 0.0)
 
     def _motion_before(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
         """(nv,) velocity and (nv,) acceleration before this step, seen to fit the robot."""
@@ -213,7 +233,7 @@ class MotionRunner:
         before: FloatArray,
         rate: FloatArray,
         dt: float,
-        reason: str,
+        reason: str | Callable[[], str],
         problem: Problem | None,
         solution: Solution | None,
         seconds: float,

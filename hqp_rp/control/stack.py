@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hqp_rp.control._approach import Approach
 from hqp_rp.control._checks import check_frames, positive_number
-from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
+from hqp_rp.control._displacement import Configurations, DisplacementLimit, DisplacementTask, library_of
+from hqp_rp.control._native_rows import NativeLimit
 from hqp_rp.control._refusal import outline
-from hqp_rp.control._row_names import row_names
+from hqp_rp.control._row_names import per_second, row_names, velocity_units
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
 from hqp_rp.control._stack_warnings import warn_of_couplings, warn_of_hard_torques, warn_of_speeds
-from hqp_rp.control.limit import Limit
+from hqp_rp.control.joint_limit import JointLimit
+from hqp_rp.control.limit import Limit, VelocityLimit
 from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.core._native import is_finite
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
-from hqp_rp.core.row_names import ROW_NAMES
+from hqp_rp.core.row_names import LEVEL_ROW_NAMES, ROW_NAMES, RowName
 from hqp_rp.core.warned import warn
 from hqp_rp.robot.robot import Robot
 
@@ -32,6 +36,15 @@ Item: TypeAlias = Any
 
 _LONG = 1.0  # s: what no control loop waits
 _MEANT = "a Task, a Limit, or a task or limit of mink or pink"
+
+
+class _Bounds(NamedTuple):
+    """lower and upper (M,) of rows made for a step of dt from the velocity v (nv,)."""
+
+    dt: float
+    v: FloatArray | None
+    lower: FloatArray
+    upper: FloatArray
 
 
 class Stack:
@@ -91,6 +104,8 @@ class Stack:
         "_rows",
         "_two_sided",
     )
+
+    _of_velocities: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -199,9 +214,15 @@ class Stack:
         )
         if self._hard:
             counts = rows.counts
-            problem.kept = {ROW_NAMES: lambda: self._named_rows(robot, counts)}
+            bounds = None
+            if dt is not None:
+                bounds = _Bounds(dt, None if v is None else np.array(v, dtype=np.float64), lower, upper)
+            problem.kept = {ROW_NAMES: functools.partial(self._stated_rows, robot, counts, self._hard, bounds)}
             if not problem.hard_rows:  # limits without a row at present
                 problem.kept["hard"] = Level(np.zeros((0, robot.nv)), [], [], name="limits")
+        if self._two_sided:
+            stated = functools.partial(self._stated_rows, robot, rows.counts[len(self._hard) :], self._items)
+            problem.kept = {**(problem.kept or {}), LEVEL_ROW_NAMES: stated}
         return problem
 
     def _filled(
@@ -383,15 +404,50 @@ class Stack:
 
     def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
         """(limit, row, unit) in words of each hard row; limits that share a name are told apart by a number."""
-        names = [str(item.name) for _, item in self._hard]
+        return [(name.group, name.row, name.unit) for name in self._stated_rows(robot, counts, self._hard)]
+
+    def _stated_rows(
+        self,
+        robot: Robot,
+        counts: Sequence[int],
+        items: Sequence[tuple[int, Any]],
+        bounds: _Bounds | None = None,
+    ) -> list[RowName]:
+        """The rows of these items in words; items that share a name are told apart by a number.
+
+        bounds: of these rows, and the step that they were made for, to tell what made them; None where nobody needs that.
+        """
+        names = [str(item.name) for _, item in items]
         names = [
             f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name for i, name in enumerate(names)
         ]
-        return [
-            (name, row, self._row_unit(item))
-            for name, (_, item), count in zip(names, self._hard, counts, strict=False)
-            for row in row_names(item, robot, count)
-        ]
+        told, at = [], 0
+        for name, (_, item), count in zip(names, items, counts, strict=False):
+            units = [self._row_unit(item)] * count
+            if isinstance(item, NativeLimit) and count == robot.nv:
+                units = velocity_units(robot)
+            elif hasattr(item, "row_units"):
+                units = item.row_units(robot)
+            if not self._of_velocities and (isinstance(item, NativeLimit) or hasattr(item, "row_units")):
+                units = [per_second(unit) for unit in units]
+            causes = [("", "")] * count
+            boxed = isinstance(item, JointLimit | VelocityLimit) and count == robot.nv and self._of_velocities
+            if boxed and bounds is not None:
+                part = slice(at, at + count)
+                causes = item.bound_causes(robot, bounds.dt, bounds.v, bounds.lower[part], bounds.upper[part])
+            approach = getattr(item, "_approach", None)
+            brakes, returns = (
+                (approach.brakes(name), approach.returns(name)) if isinstance(approach, Approach) else ("", "")
+            )
+            keep = isinstance(item, NativeLimit) or (
+                isinstance(item, DisplacementLimit) and bool(item.row_names(robot))
+            )
+            for i, row in enumerate(row_names(item, robot, count)):
+                turned = isinstance(item, DisplacementLimit) and row.startswith("-")
+                row = row[1:] if turned else row
+                told.append(RowName(name, row, units[i], *causes[i], brakes, returns, keep, turned))
+            at += count
+        return told
 
     def _row_unit(self, item: Any) -> str:
         """The unit of a limit's rows, "" where it does not say."""

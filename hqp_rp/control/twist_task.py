@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._checks import (
+    LINEAR_AXES,
     TWIST_AXES,
     WORLD,
     axis_numbers,
@@ -138,6 +139,15 @@ class TwistTask(NativeTask):
         rates = np.zeros(3 * m + 3)
         rates[2 * m : 3 * m] = self._acceleration
         return rates
+
+    def row_names(self, robot: Robot) -> list[str]:
+        """The chosen axes, one for each row."""
+        return list(self._axes)
+
+    def row_units(self, robot: Robot) -> list[str]:
+        """The unit of each row; "" where a weight scales them."""
+        scaled = bool(np.any(np.asarray(self._weight) != 1.0))
+        return ["" if scaled else "m/s" if axis in LINEAR_AXES else "rad/s" for axis in self._axes]
 
     def _layout(self, robot: Robot) -> Layout:
         axes = None if self._expressed_in == WORLD else self._expressed_in

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hqp_rp.core.diagnostics import rounding_at_zero, row_norms
 from hqp_rp.core.problem import FloatArray, Problem
-from hqp_rp.core.row_names import ROW_NAMES, row_names
+from hqp_rp.core.row_names import ROW_NAMES, RowName, level_row_names, row_names
 from hqp_rp.core.tolerances import ACTIVE
 
 VIOLATED = ACTIVE
@@ -40,23 +40,24 @@ def active_rows(problem: Problem, x: FloatArray, held: NDArray[np.integer] | flo
 
 
 def in_words(problem: Problem, active: NDArray[np.int8]) -> tuple[str, ...]:
-    """One entry for each active inequality row, and the bound it is at or beyond: a hard row by its name where it has one,
-    else the level and the row within it.
+    """One entry for each active inequality row, and the bound it is at or beyond: by its name where it has one, else the level
+    and the row within it.
 
     A row whose bounds coincide is an inequality among those of a limit, or of a level, of which other rows are no equalities.
     """
     _, lower, upper, offsets = problem.with_hard
-    hard = problem.hard.name if problem.hard is not None and problem.hard.name else "hard"
-    names = (hard, *problem.names)
-    stated = row_names(problem) if ROW_NAMES in (problem.kept or {}) else []
+    kept = problem.kept or {}
+    hard, levels = row_names(problem), level_row_names(problem)
+    if ROW_NAMES not in kept and problem.hard is not None and not (problem.hard.row_names or problem.hard.name):
+        hard = [RowName("", f"hard[{i}]") for i in range(len(hard))]
+    stated = [*hard, *levels]
     level = np.searchsorted(offsets, np.arange(len(lower)), side="right") - 1
-    groups = [(k, stated[i].group if i < len(stated) else "") for i, k in enumerate(level.tolist())]
+    groups = [(k, name.group) for k, name in zip(level.tolist(), stated, strict=True)]
     open_groups = {groups[i] for i in np.flatnonzero(lower != upper)}
     words = []
     for i in np.flatnonzero(active):
         if groups[i] not in open_groups:
             continue
-        row = str(stated[i]) if i < len(stated) else f"{names[level[i]]}[{i - offsets[level[i]]}]"
-        where = "only value" if lower[i] == upper[i] else "upper bound" if active[i] > 0 else "lower bound"
-        words.append(f"{row} at its {where}")
+        where = "only value" if lower[i] == upper[i] else f"{stated[i].side(bool(active[i] > 0))} bound"
+        words.append(f"{stated[i]} at its {where}")
     return tuple(words)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
 from hqp_rp.core.diagnostics import norm, one_sided, row_norms
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
-from hqp_rp.core.row_names import row_names
-from hqp_rp.core.tolerances import FARKAS_WEIGHT, MEETS
-from hqp_rp.core.verify import Contradiction, proven_contradiction
+from hqp_rp.core.row_names import RowName, row_names
+from hqp_rp.core.tolerances import MEETS
+from hqp_rp.core.verify import Contradiction, fewest_rows, proven_contradiction
+
+_SHOWN = 6
+_MANY = 10  # limits of which every set is tried
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -26,9 +31,19 @@ class Conflict:
         gap: the least that x can miss the worst of them by, in units of the length of its row; infinite for a row of zeros.
             Where other rows contradict each other too, all hard rows together may miss by more.
         misses: the same in each row's own unit, gap ||a_i||: by how much each of these rows is missed where all of them are
-            missed alike. units: "rad/s or m/s" for instance, the unit of each, "" where nobody said.
+            missed alike. units: "rad/s" for instance, the unit of each, "" where nobody said.
+        bounds: the bound of each that takes part, in its unit. causes: what made it, such as "acceleration 2 rad/s^2 x dt", ""
+            where nobody said.
+        asks: which of these rows asks for what the others forbid: the heaviest that is no bound of a single joint.
+        possible: how near a_i x comes to that row's bound where the other rows of the conflict are met, in its unit; nan for a
+            row of zeros.
         remedies: what alone, moved from the hard rows to a level, would make the others feasible: names of limits, or of rows
-            where nobody named limits; empty where no single one does.
+            where nobody named limits; limits on joint velocities last; empty where no single one does.
+        together: where no single limit but one on joint velocities does, the names of the fewest others that do together (of
+            up to 10 limits; of more, some of which none can be spared); empty otherwise.
+        joint_limits: those of `remedies` that are limits on joint velocities: keep them hard, for what x asks of the robot
+            then has no bound.
+        advice: what to change in limits so that it does not come to this, sentences; empty where nobody knows.
     """
 
     rows: tuple[int, ...]
@@ -38,21 +53,17 @@ class Conflict:
     remedies: tuple[str, ...]
     misses: tuple[float, ...]
     units: tuple[str, ...]
+    bounds: tuple[float, ...]
+    causes: tuple[str, ...]
+    asks: int
+    possible: float
+    together: tuple[str, ...]
+    joint_limits: tuple[str, ...]
+    advice: tuple[str, ...]
+    _words: str = dataclasses.field(repr=False)
 
     def __str__(self) -> str:
-        stated = any(self.units) and self.gap != math.inf
-        told = [
-            f"{name} (by {miss:.3g} {unit})" if unit else name
-            for name, miss, unit in zip(self.names, self.misses, self.units, strict=True)
-        ]
-        what = "; ".join((told if stated else self.names)[:6]) + ("; ..." if len(self.names) > 6 else "")
-        how = "no x moves this row" if self.gap == math.inf else f"they miss each other by {self.gap:.3g}"
-        if stated:
-            how = "at best they are missed alike, by these amounts"
-        if not self.remedies:
-            return f"{what}: {how}; no single limit moved to a level makes the rest feasible."
-        some = " or ".join(repr(remedy) for remedy in self.remedies)
-        return f"{what}: {how}; moving {some} to a level makes the rest feasible."
+        return self._words
 
 
 def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
@@ -67,23 +78,151 @@ def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
     found = _proof(hard, x)
     if found is None:
         return None
-    named = row_names(problem)
+    names = row_names(problem)
     rows = found.rows.tolist()
-    sides = ["upper" if side > 0 else "lower" for side in found.sides]
-    groups = [name.group or name.row for name in named]
-    suspects = dict.fromkeys(groups[row] for row in rows)
-    remedies = [suspect for suspect in suspects if _feasible(hard, [group != suspect for group in groups])]
-    return Conflict(
+    named = [names[row] for row in rows]
+    groups = [name.group or name.row for name in names]
+    kept = {group for group, name in zip(groups, names, strict=True) if name.keep}
+    suspects = sorted(dict.fromkeys(groups[row] for row in rows), key=lambda group: group in kept)
+    remedies = [suspect for suspect in suspects if _feasible_without(hard, groups, {suspect})]
+    together: tuple[str, ...] = ()
+    if all(remedy in kept for remedy in remedies):
+        together = _fewest_limits(hard, groups, kept, x)
+    loose = [i for i, name in enumerate(named) if not name.keep]
+    conflict = Conflict(
         rows=tuple(rows),
-        sides=tuple(sides),
-        names=tuple(f"{named[row]} {side}" for row, side in zip(rows, sides, strict=True)),
+        sides=tuple(name.side(side > 0) for name, side in zip(named, found.sides.tolist(), strict=True)),
+        names=tuple(f"{name} {name.side(side > 0)}" for name, side in zip(named, found.sides.tolist(), strict=True)),
         gap=found.gap,
         remedies=tuple(remedies),
-        misses=tuple((found.gap * row_norms(hard.A[rows])).tolist())
+        misses=tuple((found.gap * row_norms(hard.A)[rows]).tolist())
         if found.gap < math.inf
         else (math.inf,) * len(rows),
-        units=tuple(named[row].unit for row in rows),
+        units=tuple(name.unit for name in named),
+        bounds=tuple(
+            (-1.0 if name.turned else 1.0) * float((hard.upper if side > 0 else hard.lower)[row]) + 0.0
+            for name, row, side in zip(named, rows, found.sides.tolist(), strict=True)
+        ),
+        causes=tuple(
+            name.upper_from if side > 0 else name.lower_from
+            for name, side in zip(named, found.sides.tolist(), strict=True)
+        ),
+        asks=loose[0] if loose else 0,
+        possible=math.nan,
+        together=together,
+        joint_limits=tuple(remedy for remedy in remedies if remedy in kept),
+        advice=(),
+        _words="",
     )
+    conflict = dataclasses.replace(conflict, possible=_possible(hard, found, named, conflict.asks))
+    conflict = dataclasses.replace(conflict, advice=_advice(conflict, named))
+    return dataclasses.replace(conflict, _words=_in_words(conflict, named))
+
+
+def _possible(hard: Level, found: Contradiction, named: list[RowName], k: int) -> float:
+    """How near row k comes to its bound where the others are met.
+
+    With g_i . y <= h_i the one-sided rows of length one and w their weights, sum_i w_i g_i = 0: for the others
+    g_k . y >= -sum_{i != k} w_i h_i / w_k, and as they are independent some y meets all of them there.
+    """
+    if found.gap == math.inf:
+        return math.nan
+    bound = np.where(found.sides > 0, hard.upper[found.rows], hard.lower[found.rows])
+    lengths = row_norms(hard.A)[found.rows]
+    h = found.sides * bound / lengths
+    others = np.arange(len(h)) != k
+    least = -float(found.weights[others] @ h[others]) / float(found.weights[k])
+    turned = -1.0 if named[k].turned else 1.0
+    return turned * float(found.sides[k]) * float(lengths[k]) * least + 0.0
+
+
+def _advice(conflict: Conflict, named: list[RowName]) -> tuple[str, ...]:
+    """What limits beside joint limits could do earlier, or more slowly."""
+    if not any(name.keep for name in named):
+        return ()
+    reached = conflict.possible if conflict.sides[conflict.asks] == "lower" else -conflict.possible
+    moving = reached < 0.0 and any(cause.startswith("acceleration") for cause in conflict.causes)
+    told = []
+    for i, name in enumerate(named):
+        bound = conflict.bounds[i] if conflict.sides[i] == "lower" else -conflict.bounds[i]
+        if name.returns and bound > 0.0 and not moving:
+            told.append(f"To ask for a slower way back, {name.returns}.")
+        elif name.brakes:
+            told.append(f"To brake in time, {name.brakes}.")
+    return tuple(dict.fromkeys(told))
+
+
+def _in_words(conflict: Conflict, named: list[RowName]) -> str:
+    k = conflict.asks
+    asked, possible = _apart(conflict.bounds[k], conflict.possible)
+    unit = f" {conflict.units[k]}" if conflict.units[k] else ""
+    more, most = ("at most", "at least") if conflict.sides[k] == "upper" else ("at least", "at most")
+    told = [f"{named[k]} asks for {more} {asked}{unit}"]
+    if conflict.gap == math.inf:
+        told[0] += ", and no x moves this row."
+    else:
+        others = [i for i in range(len(named)) if i != k]
+        groups = dict.fromkeys(named[i].group or named[i].row for i in others)
+        within = _listed([f"the other rows of {g!r}" if g == named[k].group else repr(g) for g in groups], "and")
+        told[0] += f"; within {within} {most} {possible}{unit} is possible."
+        shown = [_bound_in_words(conflict, named, i) for i in others[:_SHOWN]]
+        told.append(f"In the way: {'; '.join(shown)}{'; ...' if len(others) > _SHOWN else ''}.")
+    told += conflict.advice
+    limits = [remedy for remedy in conflict.remedies if remedy not in conflict.joint_limits]
+    if limits:
+        told.append(
+            f"Moving {_listed(map(repr, limits), 'or')} to a level makes the rest feasible; x may then miss it."
+        )
+    elif conflict.together:
+        alone = " but joint limits" if conflict.joint_limits else ""
+        told.append(
+            f"No single limit{alone} moved to a level makes the rest feasible; {_listed(map(repr, conflict.together), 'and')} "
+            "together do; x may then miss them."
+        )
+    elif not conflict.joint_limits:
+        told.append("No single limit moved to a level makes the rest feasible.")
+    if conflict.joint_limits:
+        what = _listed(map(repr, conflict.joint_limits), "or")
+        told.append(f"Last of all, moving {what} does: x may then exceed them.")
+    return " ".join(told)
+
+
+def _bound_in_words(conflict: Conflict, named: list[RowName], i: int) -> str:
+    sign = "<=" if conflict.sides[i] == "upper" else ">="
+    unit = f" {conflict.units[i]}" if conflict.units[i] else ""
+    cause = f" ({conflict.causes[i]})" if conflict.causes[i] else ""
+    return f"{named[i]} {sign} {conflict.bounds[i]:.3g}{unit}{cause}"
+
+
+def _apart(a: float, b: float) -> tuple[str, str]:
+    """Both with as many digits, three or more, as tell them apart."""
+    for digits in range(3, 16):
+        told = f"{a:.{digits}g}", f"{b:.{digits}g}"
+        if told[0] != told[1]:
+            break
+    return told
+
+
+def _listed(items: Iterable[str], last: str) -> str:
+    words = list(items)
+    return f" {last} ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
+
+
+def _fewest_limits(hard: Level, groups: list[str], kept: set[str], x: FloatArray | None) -> tuple[str, ...]:
+    """The fewest limits but those on joints without which the rest is feasible; empty where all of them do not help."""
+    others = [group for group in dict.fromkeys(groups) if group not in kept]
+    if not others or not _feasible_without(hard, groups, set(others)):
+        return ()
+    if len(others) <= _MANY:
+        for count in range(2, len(others) + 1):
+            for chosen in itertools.combinations(others, count):
+                if _feasible_without(hard, groups, set(chosen)):
+                    return chosen
+    chosen_set = set(others)
+    for group in others:
+        if _feasible_without(hard, groups, chosen_set - {group}):
+            chosen_set.discard(group)
+    return tuple(group for group in others if group in chosen_set)
 
 
 def _proof(hard: Level, x: FloatArray | None) -> Contradiction | None:
@@ -94,35 +233,14 @@ def _proof(hard: Level, x: FloatArray | None) -> Contradiction | None:
     for start in starts:
         found = proven_contradiction(hard, start)
         if found is not None:
-            fewest = _fewest(hard, start, found)
+            fewest = fewest_rows(hard, start, found)
             order = np.argsort(-fewest.weights, kind="stable")
             return Contradiction(fewest.rows[order], fewest.sides[order], fewest.weights[order], fewest.gap)
     return None
 
 
-def _fewest(hard: Level, x: FloatArray, found: Contradiction) -> Contradiction:
-    """As few of the rows found as still contradict each other: each is left out in turn, the lightest first.
-
-    Of the rows that are left the weights are unique but for their scale, so that the gap is the least largest miss itself.
-
-    Source: Chinneck and Dravnieks 1991, the deletion filter.
-    """
-    for row, side in np.stack((found.rows, found.sides), axis=1)[np.argsort(found.weights, kind="stable")]:
-        others = (found.rows != row) | (found.sides != side)
-        rows, sides = found.rows[others], found.sides[others]
-        if len(rows) == len(found.rows) or not len(rows):  # gone with an earlier one, or alone
-            continue
-        lower = np.where(sides < 0, hard.lower[rows], -np.inf)
-        upper = np.where(sides > 0, hard.upper[rows], np.inf)
-        fewer = proven_contradiction(Level(hard.A[rows], lower, upper), x)
-        if fewer is None:
-            continue
-        fewer = fewer._replace(rows=rows[fewer.rows])
-        # What meets far away only is a proof of contradiction too, but not one of which a row may be left out.
-        signed = fewer.sides * fewer.weights / row_norms(hard.A[fewer.rows])
-        if norm(signed @ hard.A[fewer.rows]) <= FARKAS_WEIGHT * float(fewer.weights.sum()):
-            found = fewer
-    return found
+def _feasible_without(hard: Level, groups: list[str], without: set[str]) -> bool:
+    return _feasible(hard, [group not in without for group in groups])
 
 
 def _feasible(hard: Level, chosen: list[bool]) -> bool:

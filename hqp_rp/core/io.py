@@ -9,7 +9,7 @@ import os
 import pathlib
 import uuid
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,7 +18,7 @@ from hqp_rp.core.damping import LevelDamping, NoDamping, damping_of
 from hqp_rp.core.errors import FileError, ProblemError, SettingError
 from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import Level, Problem
-from hqp_rp.core.row_names import ROW_NAMES, row_names
+from hqp_rp.core.row_names import LEVEL_ROW_NAMES, ROW_NAMES, RowName, has_row_names, level_row_names, row_names
 
 FORMAT = "hqp_rp problem"
 VERSION = 3
@@ -60,8 +60,9 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
 
     The .npz holds `format`, `version`, `matrix` (M, n), `lower`, `upper` (M,), `offsets` (p + 1,), `names` (p,), when
     there are hard rows `hard_A`, `hard_lower`, `hard_upper`, `hard_name`, where a level is damped `damping_kind` (p,) and
-    `damping_parameters` (p, 2), where there is one `metric` (n, n), where a stack named its hard rows `hard_rows` (h, 3): the
-    limit, the row and the unit of each in words, and `metadata`, a JSON object. Every float comes back to the last bit.
+    `damping_parameters` (p, 2), where there is one `metric` (n, n), where hard rows or rows of levels have names `row_names`
+    and `level_row_names`, a JSON list of the fields of a `hqp_rp.core.row_names.RowName` for each row, and `metadata`, a JSON
+    object. Every float comes back to the last bit, and `Solution.conflict` of a problem read again speaks the same names.
 
     Args:
         problem: the problem.
@@ -69,10 +70,20 @@ def save_problem(problem: Problem, path: PathLike, **metadata: Any) -> pathlib.P
         metadata: what else to keep (seed, solver, origin ...): numbers, strings, None, lists, dicts, arrays.
 
     Raises:
+        ProblemError: a problem that is none, None for instance.
         FileError: the file cannot be written; the message names it.
         SettingError: a metadata value that JSON cannot hold.
     """
-    arrays = arrays_of(problem) | _row_names(problem) | {"metadata": np.array(_encoded(metadata))}
+    if not isinstance(problem, Problem):
+        raise ProblemError(
+            f"problem is a {type(problem).__name__}; give a Problem, such as stack.problem(...), solution.problem, or "
+            "runner.problem of a MotionRunner, which is there in every mode once a problem was made."
+        )
+    arrays = arrays_of(problem) | {"metadata": np.array(_encoded(metadata))}
+    if has_row_names(problem):
+        arrays["row_names"] = np.array(json.dumps(row_names(problem)))
+    if LEVEL_ROW_NAMES in (problem.kept or {}) or any(level.row_names for level in problem.levels):
+        arrays["level_row_names"] = np.array(json.dumps(level_row_names(problem)))
     return write_arrays(path, arrays, "problem")
 
 
@@ -92,12 +103,6 @@ def write_arrays(path: PathLike, arrays: Mapping[str, Any], what: str, *, compre
             partial.unlink()
         raise FileError(f"{target}: the {what} cannot be written ({error.strerror or error}).") from error
     return target
-
-
-def _row_names(problem: Problem) -> dict[str, Any]:
-    if problem.hard is None or ROW_NAMES not in (problem.kept or {}):
-        return {}
-    return {"hard_rows": np.array(row_names(problem), dtype=np.str_).reshape(problem.hard_rows, 3)}
 
 
 def read_arrays(path: PathLike, what: str, writer: str) -> tuple[pathlib.Path, dict[str, Any]]:
@@ -173,9 +178,12 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
             damping=_damping(arrays),
             metric=arrays.get("metric"),
         )
-        if "hard_rows" in arrays:
-            named = _named(arrays["hard_rows"], problem.hard_rows)
-            problem.kept = {**(problem.kept or {}), ROW_NAMES: lambda: named}
+        for array, name, m in (
+            ("row_names", ROW_NAMES, problem.hard_rows if hard is None else hard.m),
+            ("level_row_names", LEVEL_ROW_NAMES, problem.rows),
+        ):
+            if array in arrays:
+                problem.kept = {**(problem.kept or {}), name: _named(str(arrays[array]), m, array)}
         metadata = json.loads(str(arrays["metadata"]))
     except KeyError as error:
         raise FileError(f"{source}: the array {error.args[0]!r} is missing.") from error
@@ -188,10 +196,15 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
     return problem, metadata
 
 
-def _named(rows: Any, count: int) -> list[tuple[str, ...]]:
-    if rows.shape != (count, 3) or rows.dtype.kind != "U":
-        raise ProblemError(f"hard_rows has shape {rows.shape}; it must be ({count}, 3) words.")
-    return [tuple(map(str, row)) for row in rows]
+def _named(text: str, m: int, array: str) -> Callable[[], list[RowName]]:
+    """What gives the names of m rows; raises `ProblemError` where they are none."""
+    try:
+        names = [RowName(*fields) for fields in json.loads(text)]
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"the array {array!r} holds no names of rows ({error}).") from error
+    if len(names) != m:
+        raise ProblemError(f"the array {array!r} names {len(names)} rows; there are {m}.")
+    return lambda: names
 
 
 def _damping(arrays: dict[str, Any]) -> list[LevelDamping | None] | None:

@@ -28,21 +28,24 @@ class Level:
         name: what reports and errors call the level.
         damping: None, or a policy: the level then minimizes its violation and what the policy adds, in the freedom that the
             levels before it leave, and the levels after it keep what its rows reached; see `hqp_rp.core.level_damping`.
+        row_names: what `Solution.conflict` and `active_rows` call its rows, one string for each; without, they are numbered.
 
     A row whose two bounds coincide is an equality `A x = b`. Arrays are copied and read-only.
 
     Raises:
-        ProblemError: wrong shapes, NaN, infinite entries of A, or lower > upper; it names the level and the entry.
+        ProblemError: wrong shapes, NaN, infinite entries of A, lower > upper, or row_names that are not one for each row; it
+            names the level and the entry.
         SettingError: a damping that is none.
     """
 
-    __slots__ = ("A", "damping", "lower", "name", "upper")
+    __slots__ = ("A", "damping", "lower", "name", "row_names", "upper")
 
     A: FloatArray
     lower: FloatArray
     upper: FloatArray
     name: str
     damping: LevelDamping | None
+    row_names: tuple[str, ...]
 
     def __init__(
         self,
@@ -52,6 +55,7 @@ class Level:
         name: str = "",
         *,
         damping: LevelDamping | None = None,
+        row_names: Sequence[str] = (),
     ) -> None:
         label = f"level {name!r}" if name else "a level"
         matrix = _real_array(A, f"{label}: A", copy=True)
@@ -66,15 +70,24 @@ class Level:
         object.__setattr__(self, "A", frozen(matrix))
         object.__setattr__(self, "lower", frozen(_bound(lower, len(matrix), f"{label}: lower")))
         object.__setattr__(self, "upper", frozen(_bound(upper, len(matrix), f"{label}: upper")))
+        object.__setattr__(self, "row_names", _row_names(row_names, len(matrix), label))
         _check_bounds(self.lower, self.upper, label)
 
     @classmethod
-    def equality(cls, A: ArrayLike, b: ArrayLike, name: str = "", *, damping: LevelDamping | None = None) -> Level:
+    def equality(
+        cls,
+        A: ArrayLike,
+        b: ArrayLike,
+        name: str = "",
+        *,
+        damping: LevelDamping | None = None,
+        row_names: Sequence[str] = (),
+    ) -> Level:
         """The level `A x = b`: A (m, n), b (m,), both finite. Raises `ProblemError` as `Level` does."""
         label = f"level {name!r}" if name else "a level"
         rhs = _real_array(b, f"{label}: b", copy=True)
         _require_finite(rhs, f"{label}: b")
-        return cls(A, rhs, rhs, name, damping=damping)
+        return cls(A, rhs, rhs, name, damping=damping, row_names=row_names)
 
     @property
     def m(self) -> int:
@@ -95,7 +108,7 @@ class Level:
         raise AttributeError(f"A Level is read-only: build a new one instead of setting {name!r}.")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (_rebuild, (self.A, self.lower, self.upper, self.name, self.damping))
+        return (_rebuild, (self.A, self.lower, self.upper, self.name, self.damping, self.row_names))
 
     def __repr__(self) -> str:
         kind = "equality" if self.is_equality else "two-sided"
@@ -104,16 +117,36 @@ class Level:
 
     @classmethod
     def _view(
-        cls, A: FloatArray, lower: FloatArray, upper: FloatArray, name: str, damping: LevelDamping | None = None
+        cls,
+        A: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        name: str,
+        damping: LevelDamping | None = None,
+        row_names: tuple[str, ...] = (),
     ) -> Level:
         level = object.__new__(cls)
         for key, value in (("A", A), ("lower", lower), ("upper", upper), ("name", name), ("damping", damping)):
             object.__setattr__(level, key, value)
+        object.__setattr__(level, "row_names", row_names)
         return level
 
 
-def _rebuild(A: FloatArray, lower: FloatArray, upper: FloatArray, name: str, damping: LevelDamping | None) -> Level:
-    return Level(A, lower, upper, name, damping=damping)
+def _rebuild(
+    A: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    name: str,
+    damping: LevelDamping | None,
+    row_names: tuple[str, ...] = (),
+) -> Level:
+    return Level(A, lower, upper, name, damping=damping, row_names=row_names)
+
+
+def _row_names(names: Sequence[str], m: int, label: str) -> tuple[str, ...]:
+    if isinstance(names, str) or not all(isinstance(name, str) for name in names) or len(names) not in (0, m):
+        raise ProblemError(f"{label}: row_names is {names!r}; give one string for each of its {m} rows, or none.")
+    return tuple(names)
 
 
 def _real_array(value: ArrayLike, what: str, *, copy: bool) -> FloatArray:
@@ -231,7 +264,14 @@ def checked_levels(levels: Sequence[Level], hard: Level | None) -> list[Level]:
                 f"The hard rows have damping {hard.damping!r}; hard rows are met or not, so give a level damping."
             )
         if not isinstance(hard, Level):
-            raise ProblemError(f"hard is a {type(hard).__name__}: build it with Level(A, lower, upper).")
+            stacked = (
+                " Stack the rows of several: Level(np.vstack([a.A, b.A]), np.concatenate([a.lower, b.lower]), "
+                "np.concatenate([a.upper, b.upper])); row_names= tells them apart."
+            )
+            raise ProblemError(
+                f"hard is a {type(hard).__name__}: it must be one Level(A, lower, upper)."
+                + (stacked if isinstance(hard, list | tuple) else "")
+            )
         if hard.n != n:
             raise ProblemError(f"The hard rows have {hard.n} columns and the levels have {n}: they must be equal.")
     return levels

@@ -17,6 +17,7 @@ __all__ = ["FloatArray", "IntArray", "Level", "Problem", "Stacked"]
 
 
 _T = TypeVar("_T")
+_ROW_NAMES = "row names as given"
 
 
 class Stacked(NamedTuple):
@@ -86,6 +87,8 @@ class Problem(_native.Problem):
         super().__init__(matrix, lower, upper, offsets, names, on_top, None, equality, damping, W)
         if hard is not None:
             self.kept = {"hard": hard}
+        if any(level.row_names for level in levels):
+            self.kept = {**(self.kept or {}), _ROW_NAMES: [level.row_names for level in levels]}
 
     @classmethod
     def from_stacked(
@@ -242,10 +245,18 @@ class Problem(_native.Problem):
         return Stacked(*rows, np.concatenate((np.zeros(1, np.int64), self.given_offsets + self.hard_rows)))
 
     def _views(self) -> Iterator[Level]:
+        stated: list[tuple[str, ...]] = (self.kept or {}).get(_ROW_NAMES, [])
         for k in range(self.p):
             rows = slice(int(self.offsets[k]), int(self.offsets[k + 1]))
             damping = None if self.damping is None else self.damping[k]
-            yield Level._view(self.matrix[rows], self.lower[rows], self.upper[rows], self.names[k], damping)
+            yield Level._view(
+                self.matrix[rows],
+                self.lower[rows],
+                self.upper[rows],
+                self.names[k],
+                damping,
+                stated[k] if stated else (),
+            )
 
     def __setattr__(self, name: str, value: object) -> None:
         if name == "kept":

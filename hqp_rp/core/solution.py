@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from hqp_rp.core.conflict import Conflict
     from hqp_rp.core.diagnostics import LevelReport
+    from hqp_rp.core.held_back import HeldBack
     from hqp_rp.core.problem import FloatArray, Problem
 
 
@@ -70,9 +71,29 @@ class Solution(_native.Solution):
         if x is None or not (self.status.ok or (inaccurate and self.status is Status.INACCURATE)):
             from hqp_rp.core.errors import NoSolutionError
 
-            told = [self.status.value, self.message] + ([str(self.conflict)] if self.conflict is not None else [])
-            raise NoSolutionError(" ".join(part for part in told if part))
+            raise NoSolutionError(self._why())
         return x
+
+    def _why(self) -> str:
+        """The status in words, and the conflict where there is one, else the message: both would name rows twice."""
+        told = self.message if self.conflict is None else str(self.conflict)
+        return f"{self.status.value} {told}".rstrip()
+
+    @property
+    def held_back(self) -> tuple[HeldBack, ...]:
+        """For each level that x misses: what holds it back, by the multipliers; see `hqp_rp.core.held_back`.
+
+        Computed from (problem, x) alone when first asked for. Raises `ValueError` when there is no x to judge.
+        """
+        kept = self._once()
+        if "held_back" not in kept:
+            from hqp_rp.core.held_back import held_back
+
+            if self.x is None:
+                raise ValueError(f"There is no x to judge: {self._why()}")
+            kept["held_back"] = held_back(self.problem, self.x)
+        found: tuple[HeldBack, ...] = kept["held_back"]
+        return found
 
     @property
     def conflict(self) -> Conflict | None:

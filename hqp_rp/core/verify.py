@@ -9,7 +9,7 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import zeros
-from hqp_rp.core.diagnostics import one_sided, rounding_at_zero, row_norms
+from hqp_rp.core.diagnostics import norm, one_sided, rounding_at_zero, row_norms
 from hqp_rp.core.metric import in_metric
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
@@ -90,18 +90,25 @@ class Contradiction(NamedTuple):
 
 
 def contradiction(problem: Problem, x: FloatArray) -> str:
-    """A sentence that names the hard rows in conflict where they provably are, else ""; see `proven_contradiction`."""
+    """A sentence that names the hard rows in conflict where they provably are, else ""; see `proven_contradiction`.
+
+    They are as few as still contradict each other, in the order of their numbers.
+    """
     hard = problem.hard
     found = None if hard is None else proven_contradiction(hard, x)
     if hard is None or found is None:
         return ""
-    shown = hard_rows_in_words(problem, sorted(set(found.rows.tolist())))
-    if len(found.rows) == 1 and found.gap == math.inf:
-        i = int(found.rows[0])
+    if found.gap == math.inf:
+        shown, i = hard_rows_in_words(problem, found.rows), int(found.rows[0])
         return f"{shown} is a row of zeros that must be within [{hard.lower[i]:g}, {hard.upper[i]:g}]."
+    found = fewest_rows(hard, x, found)
+    rows = sorted(set(found.rows.tolist()))
+    shown = hard_rows_in_words(problem, rows)
+    if len(rows) == 1:
+        return f"{shown} cannot be met: every x misses it by at least {found.gap:.3g} of its length."
     return (
-        f"{shown} contradict each other: every x misses one of them by at least {found.gap:.3g} of its "
-        "length. Loosen these rows, or move them to a level."
+        f"{shown} contradict each other: every x misses one of them by at least {found.gap:.3g} of its length. "
+        "`conflict` of the solution says what would help."
     )
 
 
@@ -143,3 +150,28 @@ def proven_contradiction(hard: Level, x: FloatArray) -> Contradiction | None:
     ):
         return None
     return Contradiction(rows[chosen], sides[chosen], w[chosen], margin / float(w.sum()))
+
+
+def fewest_rows(hard: Level, x: FloatArray, found: Contradiction) -> Contradiction:
+    """As few of the rows found as still contradict each other: each is left out in turn, the lightest first.
+
+    Of the rows that are left the weights are unique but for their scale, so that the gap is the least largest miss itself.
+
+    Source: Chinneck and Dravnieks 1991, the deletion filter.
+    """
+    for row, side in np.stack((found.rows, found.sides), axis=1)[np.argsort(found.weights, kind="stable")]:
+        others = (found.rows != row) | (found.sides != side)
+        rows, sides = found.rows[others], found.sides[others]
+        if len(rows) == len(found.rows) or not len(rows):  # gone with an earlier one, or alone
+            continue
+        lower = np.where(sides < 0, hard.lower[rows], -np.inf)
+        upper = np.where(sides > 0, hard.upper[rows], np.inf)
+        fewer = proven_contradiction(Level(hard.A[rows], lower, upper), x)
+        if fewer is None:
+            continue
+        fewer = fewer._replace(rows=rows[fewer.rows])
+        # What meets far away only is a proof of contradiction too, but not one of which a row may be left out.
+        signed = fewer.sides * fewer.weights / row_norms(hard.A[fewer.rows])
+        if norm(signed @ hard.A[fewer.rows]) <= FARKAS_WEIGHT * float(fewer.weights.sum()):
+            found = fewer
+    return found

@@ -83,7 +83,7 @@ def test_rows_of_limits_go_by_their_joints(tmp_path):
     fixed.set_target(np.array([0.0, 0.0, -1.0, 0.0, 2.0, 0.0, 0.0]), DT)  # the velocity asked for is its negative
     stack = Stack([PositionTask("tool", np.zeros(3))], limits=[VelocityLimit(robot.model, np.full(7, 0.5)), fixed])
     conflict = hqp_rp.solve(stack.problem(robot, DT), "hierarchical_active_set").conflict
-    assert conflict.names[0] == "pink VelocityLimit: -joint5 upper"
+    assert conflict.names[0] == "pink VelocityLimit: joint5 lower"
 
 
 def barriers_of(kind, robot):

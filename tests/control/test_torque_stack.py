@@ -293,7 +293,7 @@ def test_a_contradiction_is_told_by_contact_and_joint():
     hard = found.problem.hard
     lengths = np.linalg.norm(hard.A[list(found.conflict.rows)], axis=1)
     np.testing.assert_allclose(found.conflict.misses, found.conflict.gap * lengths)
-    assert "x 100 N)" in str(found.conflict)
+    assert "x 100 N" in str(found.conflict)
     assert "Hard rows '" in found.message
 
 

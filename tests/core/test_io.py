@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from hqp_rp import FileError, Level, Problem, SettingError, load_problem, save_problem
 from hqp_rp.core.io import VERSION, load_metadata
-from hqp_rp.core.row_names import ROW_NAMES, row_names
 from tests.problems import badly_scaled, equality_cases, two_sided
 
 
@@ -141,17 +140,3 @@ def test_other_numpy_files(tmp_path: pathlib.Path) -> None:
     (tmp_path / "text.npz").write_text("hello")
     with pytest.raises(FileError, match=r"text\.npz"):
         load_problem(tmp_path / "text.npz")
-
-
-def test_the_names_of_hard_rows_come_back_with_their_units(tmp_path: pathlib.Path) -> None:
-    names = [("corridor", "z", "m/s"), ("joint limits", "j1", "rad/s"), ("joint limits", "j2", "rad/s")]
-    problem = two_sided(0, box=1.0)
-    names = [names[i % 3] for i in range(problem.hard_rows)]
-    problem.kept = {**(problem.kept or {}), ROW_NAMES: lambda: names}
-    path = save_problem(problem, tmp_path / "named.npz")
-    assert row_names(load_problem(path)) == names
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    np.savez(path, **(arrays | {"hard_rows": arrays["hard_rows"][1:]}))
-    with pytest.raises(FileError, match=r"named\.npz: hard_rows has shape \(\d+, 3\); it must be \(\d+, 3\) words"):
-        load_problem(path)

@@ -70,9 +70,12 @@ def test_hard_rows_are_on_top() -> None:
 
 
 def test_a_contradiction_needs_a_proof() -> None:
+    def beside(hard: Level) -> Problem:
+        return Problem([Level.equality(np.eye(2), np.zeros(2))], hard=hard)
+
     apart = Level([[1, 0], [0, 2], [2, 0]], [1, 0, -np.inf], [np.inf, 1, 1])
-    assert "Hard rows 0, 2 contradict each other" in contradiction(apart, np.array([0.75, 0.2]))
-    assert "Hard rows 0, 2 contradict each other" in contradiction(apart, np.array([5.0, 9.0]))  # wherever x is
-    assert contradiction(Level(np.eye(2), 0, 1), np.array([0.5, 0.5])) == ""
-    assert contradiction(Level(np.eye(2), 0, 1), np.array([2.0, 0.5])) == ""
-    assert "Hard row 1 is a row of zeros" in contradiction(Level([[1, 0], [0, 0]], 1, 2), np.zeros(2))
+    assert "Hard rows 0, 2 contradict each other" in contradiction(beside(apart), np.array([0.75, 0.2]))
+    assert "Hard rows 0, 2 contradict each other" in contradiction(beside(apart), np.array([5.0, 9.0]))  # wherever x is
+    assert contradiction(beside(Level(np.eye(2), 0, 1)), np.array([0.5, 0.5])) == ""
+    assert contradiction(beside(Level(np.eye(2), 0, 1)), np.array([2.0, 0.5])) == ""
+    assert "Hard row 1 is a row of zeros" in contradiction(beside(Level([[1, 0], [0, 0]], 1, 2)), np.zeros(2))

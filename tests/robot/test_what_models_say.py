@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +225,11 @@ def test_a_joint_that_follows_another(tmp_path: Path, library: str) -> None:
         UserWarning, match=r"joints 'j2' follow others, which this stack does not hold; add JointCoupling\(\)"
     ):
         Stack([task]).problem(robot)
+    with pytest.warns(UserWarning, match="joints 'j2' follow others"):
+        Stack([task], [LockedJoints(["j2"])]).problem(robot, 0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Stack([task], [LockedJoints(["j1", "j2"])]).problem(robot, 0.01)  # neither moves: nothing is left to hold
 
 
 @LIBRARIES
