@@ -27,7 +27,7 @@ from hqp_rp.core.level_damping import damped_level
 from hqp_rp.core.metric import symmetric_root, with_inverse
 from hqp_rp.core.nearest_point import nearest_point
 from hqp_rp.core.problem import FloatArray, Level, Problem
-from hqp_rp.core.removable import Removable, removable, removable_in_part, smaller_parts
+from hqp_rp.core.removable import Part, Removable, removable, removable_in_part, smaller_parts
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.tolerances import CERTIFIED, NEAR_ZERO, NEARLY_FREE, REACHED, UNEVEN
 
@@ -229,8 +229,8 @@ class _Judge:
         self._bind(rows, rows.equality, hard)
         return times_power(float(error.max()), rows.exponent), float(relative.max())
 
-    def level(self, level: Level, damped: Level | None = None) -> LevelCertificate:
-        """Judge a level, as `damped` where it is damped; it then binds the ones after it."""
+    def level(self, level: Level, damped: Level | None = None, own: int | None = None) -> LevelCertificate:
+        """Judge a level, as `damped` where it is damped; it then binds the ones after it. own: rows before its damping rows."""
         if damped is not None:
             return self._damped(level, damped)
         if level.m == 0:
@@ -239,7 +239,7 @@ class _Judge:
         residual = norm(rows.violation)
         scale = rows.size * self.size + norm(rows.target)
         cut = self.rank_tolerance * rows.size
-        parts = smaller_parts(rows.lengths, rows.reach)
+        parts = smaller_parts(rows.lengths, rows.reach, own)
         if parts:
             found = self._worst_part(rows, parts)
             scale, chosen = found.scale, found.rows
@@ -259,11 +259,11 @@ class _Judge:
         )
         return LevelCertificate(level.name, residual, excess, scale, uncertainty, multipliers)
 
-    def _worst_part(self, rows: _Rows, parts: list[NDArray[np.bool_]]) -> Removable:
+    def _worst_part(self, rows: _Rows, parts: list[Part]) -> Removable:
         """Of the level and its parts, the one of which the largest share could be removed."""
         found = [
-            removable_in_part(rows, part, self.Z, self.H, self.size, self.rank_tolerance, self.drift)
-            for part in (np.ones_like(rows.equality), *parts)
+            removable_in_part(rows, *part, self.Z, self.H, self.size, self.rank_tolerance, self.drift)
+            for part in (Part(np.ones_like(rows.equality), False), *parts)
         ]
         return max(found, key=lambda one: (one.excess - one.uncertainty) / one.scale if one.excess > 0.0 else 0.0)
 
@@ -295,7 +295,7 @@ class _Judge:
             other = _Rows(Level(*_chosen(before, chosen)), there)
             if other.active.any():
                 there.H = np.vstack([there.H, other.normals[other.active]])
-        found = there.level(damped)
+        found = there.level(damped, own=level.m)
         before_Z = self.Z
         self._bind(rows, fixed, level)
         unsure = 4 * _EPS * (len(self.x) + level.m) * rows.size * self.size  # of the violation, which is that at x

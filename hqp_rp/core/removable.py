@@ -106,17 +106,26 @@ def _held(
     return norm(rest), pulls, multipliers
 
 
-def smaller_parts(lengths: FloatArray, reach: FloatArray) -> list[NDArray[np.bool_]]:
+class Part(NamedTuple):
+    """Rows (m,) of a level that are judged by themselves; by_reach: since they reach less far, not since they are shorter."""
+
+    rows: NDArray[np.bool_]
+    by_reach: bool
+
+
+def smaller_parts(lengths: FloatArray, reach: FloatArray, own: int | None = None) -> list[Part]:
     """The parts of a level that are judged by themselves beside the whole.
 
     They hold the rows no longer than a tenth, a hundredth, ... of the longest, where lengths (m,) differ by more than `UNEVEN`,
-    and the rows of no larger reach than that, where reaches `||a_i|| ||x|| + |bound_i|` (m,) do by `FAR_TARGETS`.
+    and the rows of no larger reach than that, where reaches `||a_i|| ||x|| + |bound_i|` (m,) do by `FAR_TARGETS`. own: only the
+    first so many rows are told apart; those behind them, damping rows, belong to every part.
     """
-    parts: list[NDArray[np.bool_]] = []
-    for key, spread in ((lengths, UNEVEN), (reach, FAR_TARGETS)):
+    parts: list[Part] = []
+    behind = np.ones(0 if own is None else len(lengths) - own, dtype=bool)
+    for key, spread in ((lengths[:own], UNEVEN), (reach[:own], FAR_TARGETS)):
         counts = key > 0.0
         if counts.any() and float(key.max()) > spread * float(key[counts].min()):
-            parts.extend(_below(key, counts))
+            parts.extend(Part(np.concatenate((rows, behind)), spread == FAR_TARGETS) for rows in _below(key, counts))
     return parts
 
 
@@ -135,6 +144,7 @@ def _below(key: FloatArray, counts: NDArray[np.bool_]) -> Iterator[NDArray[np.bo
 def removable_in_part(
     rows: JudgedRows,
     part: NDArray[np.bool_],
+    by_reach: bool,
     Z: FloatArray,
     H: FloatArray,
     x_size: float,
@@ -146,13 +156,18 @@ def removable_in_part(
     Rows of very different size weigh so differently that the norm of the whole level does not show the small ones. Of the
     others, equalities and violated rows stay where they are, and rows at their bound do not go beyond it. Of these, a row at
     its bound pulls back with no more than the violation that the tolerance hides there.
+
+    What the others feel of these moves all the same, since the rank rule takes them for unfelt, is uncertain by what the
+    others pull; where rows are alike but for what they ask for, `by_reach`, so is what rounding makes them feel.
     """
     moves = rows.equality | rows.violated
+    felt = 0.0
     others = ~part
     fixed = others & moves & (rows.lengths > 0.0)
     if fixed.any() and Z.shape[1]:
         sigma, Vt = np.linalg.svd((rows.A[fixed] / rows.lengths[fixed, None]) @ Z)[1:]
         rank = int((sigma > rank_tolerance).sum())
+        felt = float(sigma[rank:].max(initial=0.0))
         if rank:
             amplified = 1.0 / float(sigma[rank - 1])
             drift = min(1.0, drift * (1.0 + amplified) + 8 * _EPS * amplified)
@@ -169,7 +184,20 @@ def removable_in_part(
         found = removable(rows.A[pulls], v[pulls], Z, np.vstack((H, rows.normals[own])), size, cut, drift)
         over = own[found.multipliers[len(H) :] > rows.near[own] * rows.lengths[own]]
         if not len(over):
-            return found._replace(multipliers=found.multipliers[: len(H)], rows=part, scale=scale)
+            felt = (felt if felt > 16 * _EPS else 0.0) + (drift + 8 * _EPS if by_reach else 0.0)
+            unsure = found.uncertainty + felt * _pull_over_part(rows, fixed, pulls, Z, cut)
+            return found._replace(multipliers=found.multipliers[: len(H)], rows=part, scale=scale, uncertainty=unsure)
         bounded[over] = False
         pulls[over] = True
         v[over] = rows.near[over] * np.sign(np.einsum("ij,ij->i", rows.normals[over], rows.A[over]))
+
+
+def _pull_over_part(
+    rows: JudgedRows, others: NDArray[np.bool_], pulls: NDArray[np.bool_], Z: FloatArray, cut: float
+) -> float:
+    """By how much a move Z z of which the others feel all could move the residual of the part, to lessen theirs."""
+    pull = float(np.abs(rows.violation[others]) @ rows.lengths[others])
+    if pull == 0.0 or not pulls.any() or not Z.shape[1]:
+        return 0.0
+    sigma = np.linalg.svd(rows.A[pulls] @ Z, compute_uv=False)
+    return pull / float(sigma[sigma > cut].min(initial=np.inf))

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from hqp_rp import ErrorDamping, get_solver
-from hqp_rp.compare.statistics.arms import panda_like
 from hqp_rp.control import JointLimit, OrientationTask, PositionTask, PostureTask, Stack
-from hqp_rp.robot import MujocoRobot, sawyer
+from hqp_rp.robot import MujocoRobot, panda_like, sawyer
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [

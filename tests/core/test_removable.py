@@ -79,10 +79,13 @@ def test_a_row_of_zeros_leaves_its_rounding_in_x() -> None:
 def test_parts_of_a_level() -> None:
     lengths = np.array([1e4, 2e3, 5.0, 0.0, 2.0])
     parts = smaller_parts(lengths, lengths)
-    assert [list(np.flatnonzero(part)) for part in parts] == [[2, 4]]
+    assert [(list(np.flatnonzero(part.rows)), part.by_reach) for part in parts] == [([2, 4], False)]
+    damped = smaller_parts(np.array([1e4, 1.0, 1e-3]), np.ones(3), own=2)
+    assert [list(part.rows) for part in damped] == [[False, True, True]]
+    assert smaller_parts(np.array([1.0, 1.0, 1e-3]), np.ones(3), own=2) == []
     assert smaller_parts(np.array([50.0, 1.0]), np.array([1e5, 1.0])) == []
     far = smaller_parts(np.ones(2), np.array([1e15, 1.0]))
-    assert [list(part) for part in far] == [[False, True]]
+    assert [(list(part.rows), part.by_reach) for part in far] == [([False, True], True)]
 
 
 def test_daqp_says_where_it_cannot_see_a_short_row() -> None:

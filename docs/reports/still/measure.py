@@ -23,8 +23,7 @@ import numpy as np
 
 import hqp_rp
 from hqp_rp import ErrorDamping, JointLimit, OrientationTask, PositionTask, PostureTask, Stack, VariableDamping
-from hqp_rp.compare.statistics.arms import panda_like
-from hqp_rp.robot import MujocoRobot, sawyer
+from hqp_rp.robot import MujocoRobot, panda_like, sawyer
 
 HERE = Path(__file__).parent
 SOLVER = "hierarchical_active_set"
