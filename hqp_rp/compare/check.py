@@ -33,7 +33,8 @@ class Checked:
 
 
 def check_problem(problem: Problem, solver: Solver) -> Checked:
-    """Solve `problem` and judge the answer: status, levels, active rows, conflict of the hard rows, certificate."""
+    """Solve `problem` and judge the answer: status, conflict of the hard rows, levels, what holds each back, active
+    rows, certificate."""
     solution = solver.solve(problem)
     lines = [f"{solver!r}", f"{solution.status.name}: {solution.status.value} {solution.message}".rstrip()]
     if solution.conflict is not None:
@@ -42,6 +43,7 @@ def check_problem(problem: Problem, solver: Solver) -> Checked:
         return Checked(solution, None, tuple(lines))
     lines.append(f"x = {np.array2string(np.asarray(solution.x), precision=6, suppress_small=True)}")
     lines += [_level(report) for report in solution.levels]
+    lines += [f"{found}." for found in solution.held_back]
     lines.append(_active(solution.active_rows))
     certificate = certify(problem, solution.x)
     lines.append(f"certificate: {certificate.sentence}")

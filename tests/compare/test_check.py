@@ -50,13 +50,14 @@ def test_a_stack_is_told_level_by_level_with_its_active_rows(
 ) -> None:
     (tmp_path / "stack.toml").write_text(CORRIDOR.format(speed=5.0, back=0.5))
     assert main(["check", str(tmp_path / "stack.toml"), *BENT]) == 0
-    first, solver, status, x, level, active, certificate = capsys.readouterr().out.splitlines()
+    first, solver, status, x, level, held, active, certificate = capsys.readouterr().out.splitlines()
     assert first.endswith("stack.toml on planar4, at rest at q = [ 0.4,  0.9, -1.4,  1.4], dt = 0.01 s")
     assert solver.startswith("HierarchicalActiveSet(")
     assert status == "SOLVED: Solved to the solver's declared tolerance."
     assert x.startswith("x = [")
     assert level.startswith("tool position: residual ")
     assert "rank 1 of 2 rows (2 by itself). LIMITED: " in level
+    assert held == "tool position is held back by corridor: tool at its lower bound (100%)."
     assert active == "active rows: corridor: tool at its lower bound"
     assert certificate == "certificate: Optimal at every level to a relative 1.0e-09."
 
@@ -69,9 +70,9 @@ def test_an_infeasible_stack_names_the_conflict_and_its_remedy(
     printed = capsys.readouterr().out
     assert "\nINFEASIBLE: The hard rows contradict each other: no x meets them all." in printed
     (conflict,) = (line for line in printed.splitlines() if line.startswith("conflict: "))
-    assert "corridor: tool lower" in conflict
-    assert "joint limits: joint1 lower" in conflict
-    assert conflict.endswith("moving 'corridor' or 'joint limits' to a level makes the rest feasible.")
+    assert conflict.startswith("conflict: corridor: tool asks for at least 20 m/s; within 'joint limits' at most ")
+    assert "joint limits: joint1 >= -1 rad/s" in conflict
+    assert "Moving 'corridor' to a level makes the rest feasible" in conflict
     assert "certificate" not in printed
 
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hqp_rp import ConstantDamping, get_solver
+from hqp_rp import ConstantDamping, Level, Problem, get_solver
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.stress.findings import answer, case_sentences, claims
 from hqp_rp.compare.stress.infeasible import Contradiction, Infeasibility
 from hqp_rp.compare.stress.opening import opening_of_stress
 from hqp_rp.compare.stress.plan import KINDS, RANDOM
 from hqp_rp.compare.stress.summary import Summary, sigma_of_bins, value_bins
-from hqp_rp.core.conflict import Conflict
+from hqp_rp.core.conflict import conflict_of
 from hqp_rp.core.diagnostics import Singularity
 from hqp_rp.core.variant import DAMPED, EXACT
 
@@ -115,15 +115,9 @@ def test_jumps_say_how_often_and_between_which_sigma(test: Any) -> None:
     assert "ump" not in " ".join(answer(test))
 
 
-CORRIDOR = Conflict(
-    rows=(7, 1),
-    sides=("upper", "lower"),
-    names=("corridor: z upper", "joints: j2 lower"),
-    gap=0.5,
-    remedies=("corridor",),
-    misses=(0.5, 0.5),
-    units=("", ""),
-)
+UP_AND_DOWN = Level(np.array([[1.0], [1.0]]), [-np.inf, 1.0], [0.0, np.inf], name="limits")
+CORRIDOR = conflict_of(Problem([Level.equality([[1.0]], [0.0])], hard=UP_AND_DOWN), None)
+assert CORRIDOR is not None
 SEE = f"{CORRIDOR} See it again: hqp-rp check worst/infeasible-1.npz, in the report's folder."
 
 
