@@ -216,7 +216,8 @@ class Stack:
             counts = rows.counts
             bounds = None
             if dt is not None:
-                bounds = _Bounds(dt, None if v is None else np.array(v, dtype=np.float64), lower, upper)
+                before = v.copy() if type(v) is np.ndarray else None if v is None else np.array(v, dtype=np.float64)
+                bounds = _Bounds(dt, before, lower, upper)
             problem.kept = {ROW_NAMES: functools.partial(self._stated_rows, robot, counts, self._hard, bounds)}
             if not problem.hard_rows:  # limits without a row at present
                 problem.kept["hard"] = Level(np.zeros((0, robot.nv)), [], [], name="limits")
