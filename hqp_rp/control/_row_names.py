@@ -33,7 +33,7 @@ def velocity_units(robot: Robot) -> list[str]:
     model = getattr(robot, "model", None)
     kinds = getattr(model, "jnt_type", None)
     if kinds is None:  # Pinocchio's joints by the first letter of what they are
-        joints = [joint.shortname() for joint in list(getattr(model, "joints", ()))[1:]]
+        joints = [joint.shortname() for joint in list(getattr(model, "joints", ()))[1:] if hasattr(joint, "shortname")]
         units = ["m/s" if name.startswith("JointModelP") and "Planar" not in name else "rad/s" for name in joints]
         if joints and all(name.startswith(("JointModelR", "JointModelP")) and "Planar" not in name for name in joints):
             return units if len(units) == robot.nv else ["rad/s or m/s"] * robot.nv

@@ -79,7 +79,7 @@ class VelocityLimit(NativeLimit):
     ) -> list[tuple[str, str]]:
         """What made lower (nv,) and upper (nv,): the velocity limit, where there is one."""
         return [
-            tuple("velocity" if np.isfinite(bound) else "" for bound in pair)  # type: ignore[misc]
+            tuple(f"velocity limit {abs(bound):.3g}" if np.isfinite(bound) else "" for bound in pair)  # type: ignore[misc]
             for pair in zip(lower, upper, strict=True)
         ]
 

@@ -403,9 +403,9 @@ class Stack:
     def _rows_on(self, robot: Robot, two_sided: bool) -> StackRows:
         return StackRows((*self._hard, *self._items), robot, two_sided, self._where)
 
-    def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
-        """(limit, row, unit) in words of each hard row; limits that share a name are told apart by a number."""
-        return [(name.group, name.row, name.unit) for name in self._stated_rows(robot, counts, self._hard)]
+    def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[RowName]:
+        """Each hard row in words; limits that share a name are told apart by a number."""
+        return self._stated_rows(robot, counts, self._hard)
 
     def _stated_rows(
         self,
@@ -428,7 +428,7 @@ class Stack:
             if isinstance(item, NativeLimit) and count == robot.nv:
                 units = velocity_units(robot)
             elif hasattr(item, "row_units"):
-                units = item.row_units(robot)
+                units = [*item.row_units(robot), *[""] * count][:count]
             if not self._of_velocities and (isinstance(item, NativeLimit) or hasattr(item, "row_units")):
                 units = [per_second(unit) for unit in units]
             causes = [("", "")] * count

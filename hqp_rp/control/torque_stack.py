@@ -27,7 +27,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
-from hqp_rp.core.row_names import ROW_NAMES
+from hqp_rp.core.row_names import ROW_NAMES, RowName
 from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
@@ -434,16 +434,18 @@ class TorqueStack:
         self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
         self._robot = robot
 
-    def _row_names(self, robot: Robot, counts: Sequence[int]) -> list[tuple[str, str, str]]:
-        """(group, row, unit) in words of each hard row."""
+    def _row_names(self, robot: Robot, counts: Sequence[int]) -> list[RowName]:
+        """Each hard row in words."""
         names = velocity_names(robot)
-        told = [("equation of motion", names[i], "N m or N") for i in self._passive]
-        told += [("joint torque", names[i], "N m or N") for i in self._limited]
+        told = [RowName("equation of motion", names[i], "N m or N", fixed=True) for i in self._passive]
+        told += [RowName("joint torque", names[i], "N m or N", fixed=True) for i in self._limited]
         force = "N" if self._force_unit == 1.0 else f"x {self._force_unit:g} N"  # rows on f / force_unit
         for contact in self._contacts:
             faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
             told += [
-                (contact.name, f"point {i + 1} {face}", force) for i in range(len(contact.points)) for face in faces
+                RowName(contact.name, f"point {i + 1} {face}", force, fixed=True)
+                for i in range(len(contact.points))
+                for face in faces
             ]
         return told + self._motion._named_rows(robot, counts)
 

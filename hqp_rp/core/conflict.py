@@ -17,7 +17,7 @@ from hqp_rp.core.tolerances import MEETS
 from hqp_rp.core.verify import Contradiction, fewest_rows, proven_contradiction
 
 _SHOWN = 6
-_MANY = 10  # limits of which every set is tried
+_MANY = 6  # limits of which every set is tried
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -34,13 +34,14 @@ class Conflict:
             missed alike. units: "rad/s" for instance, the unit of each, "" where nobody said.
         bounds: the bound of each that takes part, in its unit. causes: what made it, such as "acceleration 2 rad/s^2 x dt", ""
             where nobody said.
-        asks: which of these rows asks for what the others forbid: the heaviest that is no bound of a single joint.
+        asks: which of these rows asks for what the others forbid: the heaviest that is no bound of a single joint and no law of
+            physics.
         possible: how near a_i x comes to that row's bound where the other rows of the conflict are met, in its unit; nan for a
             row of zeros.
         remedies: what alone, moved from the hard rows to a level, would make the others feasible: names of limits, or of rows
             where nobody named limits; limits on joint velocities last; empty where no single one does.
         together: where no single limit but one on joint velocities does, the names of the fewest others that do together (of
-            up to 10 limits; of more, some of which none can be spared); empty otherwise.
+            up to 6 limits; of more, some of which none can be spared); empty otherwise.
         joint_limits: those of `remedies` that are limits on joint velocities: keep them hard, for what x asks of the robot
             then has no bound.
         advice: what to change in limits so that it does not come to this, sentences; empty where nobody knows.
@@ -83,12 +84,15 @@ def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
     named = [names[row] for row in rows]
     groups = [name.group or name.row for name in names]
     kept = {group for group, name in zip(groups, names, strict=True) if name.keep}
-    suspects = sorted(dict.fromkeys(groups[row] for row in rows), key=lambda group: group in kept)
+    fixed = {group for group, name in zip(groups, names, strict=True) if name.fixed}
+    suspects = sorted(
+        dict.fromkeys(groups[row] for row in rows if groups[row] not in fixed), key=lambda group: group in kept
+    )
     remedies = [suspect for suspect in suspects if _feasible_without(hard, groups, {suspect})]
     together: tuple[str, ...] = ()
     if all(remedy in kept for remedy in remedies):
-        together = _fewest_limits(hard, groups, kept, x)
-    loose = [i for i, name in enumerate(named) if not name.keep]
+        together = _fewest_limits(hard, groups, kept | fixed)
+    order = sorted(range(len(named)), key=lambda i: (named[i].fixed, named[i].keep))
     conflict = Conflict(
         rows=tuple(rows),
         sides=tuple(name.side(side > 0) for name, side in zip(named, found.sides.tolist(), strict=True)),
@@ -107,7 +111,7 @@ def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
             name.upper_from if side > 0 else name.lower_from
             for name, side in zip(named, found.sides.tolist(), strict=True)
         ),
-        asks=loose[0] if loose else 0,
+        asks=order[0],
         possible=math.nan,
         together=together,
         joint_limits=tuple(remedy for remedy in remedies if remedy in kept),
@@ -137,15 +141,22 @@ def _possible(hard: Level, found: Contradiction, named: list[RowName], k: int) -
 
 
 def _advice(conflict: Conflict, named: list[RowName]) -> tuple[str, ...]:
-    """What limits beside joint limits could do earlier, or more slowly."""
+    """What limits beside joint limits could do earlier, or more slowly, and what laws of physics leave to change."""
+    if any(name.fixed for name in named):
+        return (
+            "Torques, contacts and the equation of motion cannot make way: give joint limits an acceleration= that they can "
+            "deliver, or damping= to the level that drives there.",
+        )
     if not any(name.keep for name in named):
         return ()
+    if all(name.keep for name in named) and len({name.group for name in named}) > 1:
+        return ("Give these bounds to one JointLimit, whose box for each joint is never empty.",)
     reached = conflict.possible if conflict.sides[conflict.asks] == "lower" else -conflict.possible
     moving = reached < 0.0 and any(cause.startswith("acceleration") for cause in conflict.causes)
     told = []
     for i, name in enumerate(named):
         bound = conflict.bounds[i] if conflict.sides[i] == "lower" else -conflict.bounds[i]
-        if name.returns and bound > 0.0 and not moving:
+        if name.returns and bound > 0.0 and not moving and not name.unit.endswith("^2"):
             told.append(f"To ask for a slower way back, {name.returns}.")
         elif name.brakes:
             told.append(f"To brake in time, {name.brakes}.")
@@ -183,7 +194,8 @@ def _in_words(conflict: Conflict, named: list[RowName]) -> str:
         told.append("No single limit moved to a level makes the rest feasible.")
     if conflict.joint_limits:
         what = _listed(map(repr, conflict.joint_limits), "or")
-        told.append(f"Last of all, moving {what} does: x may then exceed them.")
+        does = "does" if limits or conflict.together else "to a level makes the rest feasible"
+        told.append(f"Last of all, moving {what} {does}: x may then exceed them.")
     return " ".join(told)
 
 
@@ -208,8 +220,8 @@ def _listed(items: Iterable[str], last: str) -> str:
     return f" {last} ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
 
 
-def _fewest_limits(hard: Level, groups: list[str], kept: set[str], x: FloatArray | None) -> tuple[str, ...]:
-    """The fewest limits but those on joints without which the rest is feasible; empty where all of them do not help."""
+def _fewest_limits(hard: Level, groups: list[str], kept: set[str]) -> tuple[str, ...]:
+    """The fewest limits but those `kept` without which the rest is feasible; empty where all of them do not help."""
     others = [group for group in dict.fromkeys(groups) if group not in kept]
     if not others or not _feasible_without(hard, groups, set(others)):
         return ()

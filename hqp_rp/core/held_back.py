@@ -14,7 +14,7 @@ from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.row_names import RowName, level_row_names, row_names
 
 _FELT = 1e-6
-"""A level whose rows pull by less than this times ||A_k|| ||v_k|| at x cannot be improved by any x near."""
+"""A level that pulls by less than this part of what its missed rows pull each by itself cannot be improved by any x near."""
 
 _SHOWN = 5
 
@@ -114,7 +114,8 @@ class _Held:
         near = self._near(level, ACTIVE_TOLERANCE)
         above, below = value >= level.upper - near, value <= level.lower + near
         for i in np.flatnonzero(((level.lower == level.upper) | missed | above | below) & (lengths > 0.0)):
-            fixed = level.lower[i] == level.upper[i] or (missed[i] and bool(whole))
+            # A band narrower than the tolerance holds its row from both sides.
+            fixed = level.lower[i] == level.upper[i] or (missed[i] and bool(whole)) or (above[i] and below[i])
             unit = level.A[i] / lengths[i]
             self.columns.append(unit if fixed or above[i] else -unit)
             self.free.append(bool(fixed))
@@ -125,9 +126,9 @@ class _Held:
 
     def against(self, level: Level, v: FloatArray) -> HeldBack:
         pull = level.A.T @ v
-        size, residual = float(np.linalg.norm(level.A)), norm(violation(level, self.x))
+        residual = norm(violation(level, self.x))
         damped = level.damping is not None
-        if norm(pull) <= _FELT * size * norm(v):
+        if norm(pull) <= _FELT * float(np.abs(v) @ row_norms(level.A)):
             return HeldBack(level.name, residual, (), (), 0.0, True, damped)
         free = np.array(self.free, dtype=bool)
         columns = np.array(self.columns).reshape(-1, len(self.x)).T

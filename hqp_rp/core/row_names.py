@@ -26,6 +26,7 @@ class RowName(NamedTuple):
             or "". returns: what to change so that it asks for a slower way back, or "".
         keep: whether it bounds single joints, which other limits shall give way to.
         turned: whether the row is minus what its name says, so that its upper bound is that one's lower bound.
+        fixed: whether it is a law of physics or the robot's own strength, which no setting moves to a level.
     """
 
     group: str
@@ -37,6 +38,7 @@ class RowName(NamedTuple):
     returns: str = ""
     keep: bool = False
     turned: bool = False
+    fixed: bool = False
 
     def __str__(self) -> str:
         return f"{self.group}: {self.row}" if self.group else self.row
@@ -48,7 +50,7 @@ class RowName(NamedTuple):
 
 def row_names(problem: Problem) -> list[RowName]:
     """One for each hard row: what `ROW_NAMES` says, else `Level.row_names`, else its number."""
-    stated = _made(problem, ROW_NAMES)
+    stated = _made(problem, ROW_NAMES, problem.hard_rows if problem.hard is None else problem.hard.m)
     if stated is not None:
         return stated
     hard = problem.hard
@@ -61,7 +63,7 @@ def row_names(problem: Problem) -> list[RowName]:
 
 def level_row_names(problem: Problem) -> list[RowName]:
     """One for each row of the levels: what `LEVEL_ROW_NAMES` says, else the level and the row's name or number in it."""
-    stated = _made(problem, LEVEL_ROW_NAMES)
+    stated = _made(problem, LEVEL_ROW_NAMES, problem.rows)
     if stated is not None:
         return stated
     return [
@@ -106,6 +108,14 @@ def take_row_names(problem: Problem, made: Problem) -> None:
         made.kept = {**(made.kept or {}), ROW_NAMES: lambda: names}
 
 
-def _made(problem: Problem, which: str) -> list[RowName] | None:
+def _made(problem: Problem, which: str, count: int) -> list[RowName] | None:
     namer: Callable[[], Iterable[tuple[Any, ...]]] | None = (problem.kept or {}).get(which)
-    return None if namer is None else [RowName(*named) for named in namer()]
+    if namer is None:
+        return None
+    try:
+        names = [RowName(*named) for named in namer()]
+    except (
+        Exception
+    ):  # names are for messages: a limit or a robot of one's own that cannot give them must not stop a solve
+        return None
+    return names if len(names) == count else None

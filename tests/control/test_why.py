@@ -10,6 +10,7 @@ from scipy.optimize import linprog
 
 import hqp_rp
 from hqp_rp.control import (
+    AccelerationStack,
     ConeLimit,
     FrameSpeedLimit,
     HalfSpaceLimit,
@@ -22,6 +23,8 @@ from hqp_rp.control import (
     PositionTask,
     PostureTask,
     Stack,
+    TorqueStack,
+    VelocityLimit,
 )
 from hqp_rp.core.conflict import Conflict
 from hqp_rp.core.problem import Problem
@@ -305,3 +308,47 @@ def test_locked_joints_are_no_limit_to_brake_before(robot: MujocoRobot) -> None:
     _, conflict = conflict_of(Stack([PostureTask(robot.neutral)], [wall, LockedJoints(all_but=["joint7"])]), robot)
     assert conflict.advice == ()
     assert conflict.joint_limits == ()
+
+
+def test_bounds_of_joints_alone_belong_into_one_joint_limit(robot: MujocoRobot) -> None:
+    v = np.zeros(robot.nv)
+    v[0] = 0.5
+    limits = [JointLimit(acceleration=2.0, position=False), VelocityLimit(0.2)]
+    _, conflict = conflict_of(Stack([PostureTask(robot.neutral)], limits), robot, v)
+    assert "one JointLimit" in conflict.advice[0]
+    assert "velocity limit 0.2" in conflict.causes
+    assert "does:" not in str(conflict)
+
+
+def test_what_physics_asks_moves_to_no_level(robot: MujocoRobot) -> None:
+    stack = TorqueStack([PostureTask(robot.neutral)], [JointLimit(velocity=1.0, acceleration=1.0)], torque=0.5)
+    _, conflict = conflict_of(stack, robot)
+    assert "joint torque" not in conflict.remedies
+    assert conflict.names[conflict.asks].startswith("joint limits")
+    assert "cannot make way" in conflict.advice[0]
+
+
+def test_accelerations_brake_in_time(robot: MujocoRobot) -> None:
+    v = robot.jacobian("tool")[:3]
+    toward = np.linalg.lstsq(v, np.array([0.6, 0.0, 0.0]), rcond=None)[0]
+    wall = HalfSpaceLimit("tool", [1.0, 0.0, 0.0], robot.pose("tool")[1][0] + 0.001, gain=50.0, name="wall")
+    stack = AccelerationStack([PostureTask(robot.neutral)], [JointLimit(acceleration=2.0), wall])
+    _, conflict = conflict_of(stack, robot, toward)
+    assert all(advice.startswith("To brake in time") for advice in conflict.advice)
+    assert conflict.advice
+
+
+def test_a_torque_stack_names_turned_rows_as_a_stack_does(robot: MujocoRobot) -> None:
+    """mink's rows are minus a joint's velocity for its lower bound."""
+    mink = pytest.importorskip("mink")
+    v = np.zeros(robot.nv)
+    v[0] = -0.5
+    limits = [
+        JointLimit(acceleration=2.0, position=False),
+        mink.VelocityLimit(robot.model, {robot.joint_names[0]: 0.2}),
+    ]
+    for make in (AccelerationStack, TorqueStack):
+        _, conflict = conflict_of(make([PostureTask(robot.neutral)], limits), robot, v)
+        (turned,) = [name for name in conflict.names if "mink" in name]
+        assert turned.endswith(f"{robot.joint_names[0]} lower"), turned
+        assert conflict.sides[conflict.names.index(turned)] == "lower"

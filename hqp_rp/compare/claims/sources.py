@@ -16,6 +16,18 @@ _BEGINNINGS = ("hqp_rp.compare.claims.trials", "hqp_rp.compare.claims.experiment
 _WRITES = "hqp_rp.compare"
 _MEASURES = "hqp_rp.compare.claims"
 _NATIVE = ROOT / "core" / "native"
+_WORDS = (
+    "hqp_rp.core.conflict",
+    "hqp_rp.core.held_back",
+    "hqp_rp.core.row_names",
+    "hqp_rp.control._row_names",
+    "hqp_rp.control._stack_warnings",
+)
+"""Modules that put an answer, or a stack, into words and change neither."""
+
+_SHOWS = ("_repr_html_", "plot", "bound_causes", "row_units", "_row_names", "_named_rows", "_stated_rows")
+"""Methods that show an object or name rows for messages."""
+
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 
 
@@ -50,8 +62,8 @@ def code_of(path: pathlib.Path) -> str:
     comments and line breaks.
 
     Neither do these count: where in `compare`, outside the claims, a name is imported from (the name does); a class attribute
-    `variants`, since a line-up of solvers changes no solver; how an object is shown, `_repr_html_` and `plot`; an imported name
-    that nothing else in the file then uses.
+    `variants`, since a line-up of solvers changes no solver; how an object is shown and how rows are named (`_SHOWS`,
+    `_WORDS`); an imported name that nothing else in the file then uses.
     """
     text = path.read_text()
     if path.suffix != ".py":
@@ -99,7 +111,7 @@ def _declares(node: ast.stmt, name: str) -> bool:
 
 
 def _shows(node: ast.stmt) -> bool:
-    return isinstance(node, ast.FunctionDef) and node.name in ("_repr_html_", "plot")
+    return isinstance(node, ast.FunctionDef) and node.name in _SHOWS
 
 
 def _exported(tree: ast.Module) -> set[str]:
@@ -132,7 +144,7 @@ def _is_words(node: Any) -> bool:
 def _path(module: str) -> pathlib.Path | None:
     """The file of a module of this package; None for another's, and for what is no module."""
     parts = module.split(".")
-    if parts[0] != "hqp_rp" or _is_written(module):
+    if parts[0] != "hqp_rp" or _is_written(module) or module in _WORDS:
         return None
     base = ROOT.joinpath(*parts[1:])
     for path in (base.with_suffix(".py"), base / "__init__.py"):
