@@ -203,7 +203,7 @@ class MotionRunner:
 
         Args:
             robot: at its current configuration, which position limits are looked at from. dt: > 0, s.
-            reason: a sentence, that the command and the runner then say.
+            reason: a sentence, that the command and the runner then say, unless the runner is stopped: the old one stays.
 
         Raises:
             SettingError: a dt that is not > 0, a reason that is no words.

@@ -68,8 +68,9 @@ class Stack:
         names: one name for each level; by default the names of its tasks.
         damping: a policy for every level, or a list with a policy or None for each: see `hqp_rp.core.level_damping`. A level
             whose target may be out of reach, or whose way may be blocked by limits, needs it: without, the exact answer of
-            each step jumps between bounds. `ErrorDamping(reach * dt, power=1)`, reach in m, is what the page "Still at the
-            limit" found. Its error is the level's rate, gain times error, so that a target at rest is reached exactly. None
+            each step jumps between bounds. For a position above an orientation above a posture the page "Still at the limit"
+            found `[ErrorDamping(reach * max(0.05 / gain, dt), power=1), ErrorDamping(1 / gain, power=1), None]`, reach in m.
+            The error there is the level's rate, gain times error, so that a target at rest is reached exactly. None
             takes over the `lm_damping` of tasks of mink and pink, where they have one.
         metric: what the freedom that all levels leave is measured in, and every pseudo-inverse weighted by
             (`hqp_rp.core.metric`): "inertia", the joint-space inertia M(q), for what is dynamically consistent; or
