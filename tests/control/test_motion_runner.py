@@ -312,5 +312,5 @@ def test_the_reason_of_a_contradiction_names_limits_and_joints(robot: MujocoRobo
             assert str(command.solution.conflict) in command.reason
             assert "belt: x asks for at least 1 m/s; within " in command.reason
             assert "'joint velocity'" in command.reason
-            assert "0.1 rad/s (velocity)" in command.reason
+            assert "0.1 rad/s (velocity limit 0.1)" in command.reason
             assert "Hard row" not in command.reason  # one set of rows, once
