@@ -428,13 +428,14 @@ class Stack:
             units = [self._row_unit(item)] * count
             if isinstance(item, NativeLimit) and count == robot.nv:
                 units = velocity_units(robot)
-            elif hasattr(item, "row_units"):
-                units = [*item.row_units(robot), *[""] * count][:count]
-            if not self._of_velocities and (isinstance(item, NativeLimit) or hasattr(item, "row_units")):
+            own_units = getattr(item, "row_units", None)
+            if own_units is not None and not isinstance(item, NativeLimit):
+                units = [*own_units(robot), *[""] * count][:count]
+            if not self._of_velocities and (isinstance(item, NativeLimit) or own_units is not None):
                 units = [per_second(unit) for unit in units]
             causes = [("", "")] * count
-            boxed = isinstance(item, JointLimit | VelocityLimit) and count == robot.nv and self._of_velocities
-            if boxed and bounds is not None:
+            boxed = count == robot.nv and self._of_velocities
+            if isinstance(item, JointLimit | VelocityLimit) and boxed and bounds is not None:
                 part = slice(at, at + count)
                 causes = item.bound_causes(robot, bounds.dt, bounds.v, bounds.lower[part], bounds.upper[part])
             approach = getattr(item, "_approach", None)
@@ -447,7 +448,8 @@ class Stack:
             for i, row in enumerate(row_names(item, robot, count)):
                 turned = isinstance(item, DisplacementLimit) and row.startswith("-")
                 row = row[1:] if turned else row
-                told.append(RowName(name, row, units[i], *causes[i], brakes, returns, keep, turned))
+                lower_from, upper_from = causes[i]
+                told.append(RowName(name, row, units[i], lower_from, upper_from, brakes, returns, keep, turned))
             at += count
         return told
 

@@ -208,6 +208,7 @@ def _bound_in_words(conflict: Conflict, named: list[RowName], i: int) -> str:
 
 def _apart(a: float, b: float) -> tuple[str, str]:
     """Both with as many digits, three or more, as tell them apart."""
+    told = "", ""
     for digits in range(3, 16):
         told = f"{a:.{digits}g}", f"{b:.{digits}g}"
         if told[0] != told[1]:

@@ -24,7 +24,9 @@ def checked_shares(value: Any, name: str, each: str, meant: str, *, depth: int) 
             found = tuple(tuple(map(float, row)) for row in value) if depth == 2 else tuple(map(float, value))
         except (TypeError, ValueError):
             raise SettingError(f"{name} is {value!r}; it must be {meant}.") from None
-    numbers = [found] if not isinstance(found, tuple) else [a for row in found for a in (row if depth == 2 else (row,))]
+    numbers = (
+        [found] if not isinstance(found, tuple) else [a for row in found for a in (row if depth == 2 else (row,))]  # pyright: ignore[reportGeneralTypeIssues]
+    )
     for number in numbers:
         if isinstance(number, bool) or not isinstance(number, int | float) or not 0.0 <= number <= 1.0:
             raise SettingError(f"{name} holds {number!r}; every {each} must be a number in [0, 1].")
