@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from hqp_rp.compare.commands.check import check
 from hqp_rp.compare.commands.claims import claims
@@ -14,9 +13,9 @@ from hqp_rp.compare.commands.play import play
 from hqp_rp.compare.commands.replay import replay
 from hqp_rp.compare.commands.statistics import statistics
 from hqp_rp.compare.commands.stress import stress
-from hqp_rp.compare.exit_codes import INTERRUPTED, MISUSE
-from hqp_rp.compare.robot_options import as_options, warnings_in_lines
-from hqp_rp.core.errors import HqpError, SettingError
+from hqp_rp.compare.exit_codes import exit_code_of
+from hqp_rp.compare.robot_options import as_options
+from hqp_rp.core.errors import SettingError
 
 _BENCH_MOVED = (
     "bench is no subcommand: the benchmark is in the repository, beside the tests; in a checkout, run make bench, or "
@@ -42,24 +41,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     import tyro
 
     typed = list(sys.argv[1:] if arguments is None else arguments)
-    try:
+
+    def command() -> object:
         if typed[:1] == ["bench"]:
             raise SettingError(_BENCH_MOVED)
-        with warnings_in_lines():
-            code: Any = tyro.extras.subcommand_cli_from_dict(
-                COMMANDS,
-                prog="hqp-rp",
-                description="One prioritized robot task stack, every hierarchical controller, and the truth about each.",
-                args=typed,
-                config=(tyro.conf.FlagCreatePairsOff,),
-            )
-    except HqpError as error:
-        print(f"hqp-rp: {as_options(str(error))}", file=sys.stderr)
-        return MISUSE
-    except KeyboardInterrupt:
-        print("Stopped.", file=sys.stderr)
-        return INTERRUPTED
-    return int(code)
+        return tyro.extras.subcommand_cli_from_dict(
+            COMMANDS,
+            prog="hqp-rp",
+            description="One prioritized robot task stack, every hierarchical controller, and the truth about each.",
+            args=typed,
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
+
+    return exit_code_of("hqp-rp", command, as_options)
 
 
 if __name__ == "__main__":

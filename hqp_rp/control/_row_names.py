@@ -30,18 +30,21 @@ def velocity_names(robot: Robot) -> list[str]:
 
 def velocity_units(robot: Robot) -> list[str]:
     """The unit of each velocity: "rad/s" or "m/s" where the model tells hinges from slides, else "rad/s or m/s"."""
-    model = getattr(robot, "model", None)
-    kinds = getattr(model, "jnt_type", None)
-    if kinds is None:  # Pinocchio's joints by the first letter of what they are
-        joints = [joint.shortname() for joint in list(getattr(model, "joints", ()))[1:] if hasattr(joint, "shortname")]
-        units = ["m/s" if name.startswith("JointModelP") and "Planar" not in name else "rad/s" for name in joints]
-        if joints and all(name.startswith(("JointModelR", "JointModelP")) and "Planar" not in name for name in joints):
-            return units if len(units) == robot.nv else ["rad/s or m/s"] * robot.nv
-        return ["rad/s or m/s"] * robot.nv
-    units = []
-    for kind in kinds.tolist():  # free, ball, slide, hinge
-        units += (["m/s"] * 3 + ["rad/s"] * 3, ["rad/s"] * 3, ["m/s"], ["rad/s"])[kind]
+    units = _units_of(getattr(robot, "model", None))
     return units if len(units) == robot.nv else ["rad/s or m/s"] * robot.nv
+
+
+def _units_of(model: Any) -> list[str]:
+    """What a model of MuJoCo or Pinocchio tells of its velocities; nothing where it does not tell hinges from slides."""
+    kinds = getattr(model, "jnt_type", None)
+    if kinds is not None:  # free, ball, slide, hinge
+        units = (["m/s"] * 3 + ["rad/s"] * 3, ["rad/s"] * 3, ["m/s"], ["rad/s"])
+        return [unit for kind in kinds.tolist() for unit in units[kind]]
+    # Pinocchio's joints by the first letter of what they are
+    joints = [joint.shortname() for joint in list(getattr(model, "joints", ()))[1:] if hasattr(joint, "shortname")]
+    if any(not name.startswith(("JointModelR", "JointModelP")) or "Planar" in name for name in joints):
+        return []
+    return ["m/s" if name.startswith("JointModelP") else "rad/s" for name in joints]
 
 
 def per_second(unit: str) -> str:

@@ -92,7 +92,6 @@ def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
     together: tuple[str, ...] = ()
     if all(remedy in kept for remedy in remedies):
         together = _fewest_limits(hard, groups, kept | fixed)
-    order = sorted(range(len(named)), key=lambda i: (named[i].fixed, named[i].keep))
     conflict = Conflict(
         rows=tuple(rows),
         sides=tuple(name.side(side > 0) for name, side in zip(named, found.sides.tolist(), strict=True)),
@@ -111,7 +110,7 @@ def conflict_of(problem: Problem, x: FloatArray | None) -> Conflict | None:
             name.upper_from if side > 0 else name.lower_from
             for name, side in zip(named, found.sides.tolist(), strict=True)
         ),
-        asks=order[0],
+        asks=min(range(len(named)), key=lambda i: (named[i].fixed, named[i].keep)),
         possible=math.nan,
         together=together,
         joint_limits=tuple(remedy for remedy in remedies if remedy in kept),

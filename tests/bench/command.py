@@ -5,13 +5,10 @@ from __future__ import annotations
 import pathlib
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 import tyro
 
-from hqp_rp.compare.exit_codes import INTERRUPTED, MISUSE
-from hqp_rp.compare.robot_options import warnings_in_lines
-from hqp_rp.core.errors import HqpError
+from hqp_rp.compare.exit_codes import exit_code_of
 from hqp_rp.core.paths import user_path
 
 PROGRAM = "python -m tests.bench"
@@ -62,18 +59,7 @@ def bench(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark; the exit code: 0 done, 2 wrong input (one line says what and the remedy), 130 interrupted."""
-    try:
-        with warnings_in_lines():
-            code: Any = tyro.cli(
-                bench,
-                prog=PROGRAM,
-                args=list(sys.argv[1:] if arguments is None else arguments),
-                config=(tyro.conf.FlagCreatePairsOff,),
-            )
-    except HqpError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return MISUSE
-    except KeyboardInterrupt:
-        print("Stopped.", file=sys.stderr)
-        return INTERRUPTED
-    return int(code)
+    typed = list(sys.argv[1:] if arguments is None else arguments)
+    return exit_code_of(
+        PROGRAM, lambda: tyro.cli(bench, prog=PROGRAM, args=typed, config=(tyro.conf.FlagCreatePairsOff,))
+    )

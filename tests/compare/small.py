@@ -12,6 +12,35 @@ from hqp_rp import Level, Problem, Solution, Solver, Status
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.scenarios.scenario import Scenario, Step, timed_solve
 
+CORRIDOR = """
+dt = 0.01
+
+[robot]
+model = "planar4"
+
+[[limit]]
+type = "joint"
+velocity = {speed}
+
+[[limit]]
+type = "half_space"
+name = "corridor"
+frame = "tool"
+normal = [0.0, 1.0, 0.0]
+offset = -1.0
+gain = 20.0
+return_speed = {back}
+
+[[level]]
+[[level.task]]
+type = "position"
+frame = "tool"
+axes = "xy"
+target = [0.0, 1.0, 0.0]
+gain = 1.0
+"""
+"""A stack file of a planar arm outside a corridor: joints too slow for `back`, m/s, contradict it."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Closing(Scenario):

@@ -9,39 +9,14 @@ import pytest
 
 from hqp_rp import Level, Problem, save_problem
 from hqp_rp.compare.check import check_problem, problem_of
-from hqp_rp.compare.command_line import MISUSE, main
+from hqp_rp.compare.command_line import main
 from hqp_rp.compare.commands.check import FOUND
+from hqp_rp.compare.exit_codes import MISUSE
 from hqp_rp.control.stack_file import load_stack
 from hqp_rp.core.solver import get_solver
 from hqp_rp.robot.robot_source import RobotSource
+from tests.compare.small import CORRIDOR
 
-CORRIDOR = """
-dt = 0.01
-
-[robot]
-model = "planar4"
-
-[[limit]]
-type = "joint"
-velocity = {speed}
-
-[[limit]]
-type = "half_space"
-name = "corridor"
-frame = "tool"
-normal = [0.0, 1.0, 0.0]
-offset = -1.0
-gain = 20.0
-return_speed = {back}
-
-[[level]]
-[[level.task]]
-type = "position"
-frame = "tool"
-axes = "xy"
-target = [0.0, 1.0, 0.0]
-gain = 1.0
-"""
 BENT = ["--q", "0.4", "0.9", "-1.4", "1.4"]
 
 

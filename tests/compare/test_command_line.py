@@ -10,7 +10,8 @@ import pytest
 
 import hqp_rp.compare.comparison.comparison as comparison_module
 from hqp_rp import all_solvers
-from hqp_rp.compare.command_line import INTERRUPTED, MISUSE, main
+from hqp_rp.compare.command_line import main
+from hqp_rp.compare.exit_codes import INTERRUPTED, MISUSE
 from hqp_rp.scenarios.scenario import all_scenarios
 
 

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import hqp_rp
-from hqp_rp.compare.command_line import MISUSE, main
+from hqp_rp.compare.command_line import main
+from hqp_rp.compare.exit_codes import MISUSE
 from hqp_rp.compare.play.loop import PlayLoop
 from hqp_rp.compare.play.recording import load_recording
 from hqp_rp.compare.play.show import _own_stack, page_of

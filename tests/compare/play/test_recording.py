@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import hqp_rp
-from hqp_rp.compare.command_line import MISUSE, main
+from hqp_rp.compare.command_line import main
+from hqp_rp.compare.exit_codes import MISUSE
 from hqp_rp.compare.play import recording as recording_module
 from hqp_rp.compare.play.figure import figure_of
 from hqp_rp.compare.play.loop import PlayLoop, Step

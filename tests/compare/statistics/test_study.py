@@ -7,7 +7,8 @@ import pathlib
 import pytest
 
 from hqp_rp import SettingError, UnknownNameError
-from hqp_rp.compare.command_line import MISUSE, main
+from hqp_rp.compare.command_line import main
+from hqp_rp.compare.exit_codes import MISUSE
 from hqp_rp.compare.statistics import Design, statistics
 from hqp_rp.compare.statistics import study as module
 from hqp_rp.compare.statistics.trials import run_unit

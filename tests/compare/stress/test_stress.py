@@ -30,6 +30,7 @@ from hqp_rp.core.diagnostics import spectra
 from hqp_rp.core.errors import FileError, HqpError, RobotError, SettingError, UnknownNameError
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.robot.named import named_robot
+from tests.compare.small import CORRIDOR
 
 SOLVERS = ("null_space", "singularity_robust")
 
@@ -289,38 +290,11 @@ def test_the_report_and_the_replay_of_its_worst_cases(
             assert max(float(distance[1]), 1e-9) == pytest.approx(max(worst.value, 1e-9), rel=0.9)
 
 
-BAD = """
-dt = 0.01
-
-[robot]
-model = "planar4"
-
-[[limit]]
-type = "joint"
-velocity = 1.0
-
-[[limit]]
-type = "half_space"
-name = "corridor"
-frame = "tool"
-normal = [0.0, 1.0, 0.0]
-offset = -1.0
-gain = 20.0
-return_speed = 20.0
-
-[[level]]
-[[level.task]]
-type = "position"
-frame = "tool"
-axes = "xy"
-"""
-
-
 def test_infeasible_samples_are_said_with_their_limits_and_kept(
     tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    pathlib.Path("bad.toml").write_text(BAD)
+    pathlib.Path("bad.toml").write_text(CORRIDOR.format(speed=1.0, back=20.0))
     solvers = ["--solver", "hierarchical_active_set", "--solver", "daqp"]
     asked = [
         "stress",
