@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hqp_rp.control._native_rows import NativeTask
-from hqp_rp.control._stack_rows import LIMIT, Rows, StackRows, Where
+from hqp_rp.control._native_rows import NativeRows, NativeTask
+from hqp_rp.control._stack_rows import LIMIT, StackRows, Where
 from hqp_rp.control.task import FeedbackTask
 from hqp_rp.core.errors import ProblemError
 from hqp_rp.core.problem import FloatArray
@@ -27,6 +27,7 @@ class AccelerationRows(StackRows):
 
     __slots__ = (
         "_biases",
+        "_fill_acceleration",
         "_gains",
         "_gains_given",
         "_kd",
@@ -51,34 +52,36 @@ class AccelerationRows(StackRows):
         self._seconds: list[Any] = [None] * len(self._packed)
         self._gains_given = [-1] * len(self._packed)
         self._velocity = np.zeros(robot.nv)
+        self._fill_acceleration = self._native.fill_acceleration
         self._native_motion = self._frames.kinematics is not None
 
-    def rows(
-        self, dt: float | None = None, v: FloatArray | None = None, a: FloatArray | None = None, *, plain: bool = False
-    ) -> Rows:
-        """Matrix (M, nv), lower (M,) and upper (M,) on v-dot; v is the velocity now, dt as `StackRows.rows` has it."""
+    def _own_velocity(self, v: FloatArray | None) -> FloatArray:
+        """v (nv,), with what the robot knows of the joints that it does not drive."""
         assert v is not None
         velocity = v
         if self._unactuated is not None and self._unactuated.size:
             velocity = v.copy()
             velocity[self._unactuated] = self.robot.unactuated_velocity  # type: ignore[attr-defined]
         self._velocity = velocity
-        return super().rows(dt, velocity, a, plain=plain)
+        return velocity
 
     def _call_native(
         self, matrix: FloatArray, lower: FloatArray, upper: FloatArray | None, dt: float, plain: bool
     ) -> bool:
         if not self._packed:
             return super()._call_native(matrix, lower, upper, dt, plain)
-        for i, (task, packed) in enumerate(self._packed):
-            if packed is not self._seconds[i] and task._made is not self._seconds[i]:
-                self._pack_second(i, task)
-                self._seconds[i] = task._made
         if not self._native_motion:
             self._frames.fill_biases(self._velocity, self._biases)
-        return self._native.fill_acceleration(
+        return self._fill_acceleration(
             matrix, lower, upper, dt, self._velocity, self._number_rates, self._gains, self._biases
         )
+
+    def _pack_one(self, i: int, task: NativeRows) -> None:
+        """As the base class; gains and rates only when more was set than a target that moves."""
+        super()._pack_one(i, task)
+        if task._made is not self._seconds[i]:
+            self._pack_second(i, task)
+            self._seconds[i] = task._made
 
     def _pack_second(self, i: int, task: Any) -> None:
         """Gains and rates of the numbers of a task, when something of it was set."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hqp_rp.control._rotations import nearest_rotation, quaternion_to_matrix
+from hqp_rp.core import _native
 from hqp_rp.core._native import is_finite
 from hqp_rp.core.errors import RobotError, SettingError, unknown_name
 from hqp_rp.core.problem import FloatArray
@@ -48,6 +49,15 @@ def finite_vector(value: ArrayLike, size: int, what: str, unit: str) -> FloatArr
     if not is_finite(vector):
         _refuse_not_finite(vector, what)
     vector.flags.writeable = False
+    return vector
+
+
+def checked_motion(value: ArrayLike, robot: Robot, what: str, unit: str) -> FloatArray:
+    """A velocity or acceleration (nv,) of a robot, finite and C-contiguous; the array itself where it is so."""
+    vector = _native.finite_vector(value, robot.nv)
+    if vector is None:
+        shown = value.tolist() if isinstance(value, np.ndarray) else repr(value)
+        raise SettingError(f"{what} is {shown}; it must be {robot.nv} finite numbers in {unit}.")
     return vector
 
 

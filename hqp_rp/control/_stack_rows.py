@@ -162,6 +162,7 @@ class StackRows:
 
         Raises `ProblemError` for rows that do not fit the robot, are not finite or have crossed bounds.
         """
+        v = self._own_velocity(v)
         others = self._given(dt, v) if self._others else None
         # Fresh at each step: a problem that someone keeps must not change when the next one is built.
         matrix, lower = _empty(self._shape), _empty(self._total)
@@ -190,6 +191,10 @@ class StackRows:
         if self._unactuated is not None and self._unactuated.size and not plain:
             self._take_out(matrix, lower, upper)
         return matrix, lower, upper
+
+    def _own_velocity(self, v: FloatArray | None) -> FloatArray | None:
+        """The velocity that rows are made with."""
+        return v
 
     def _call_native(
         self, matrix: FloatArray, lower: FloatArray, upper: FloatArray | None, dt: float, plain: bool

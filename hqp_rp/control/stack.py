@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hqp_rp.control._approach import Approach
-from hqp_rp.control._checks import check_frames, positive_number
+from hqp_rp.control._checks import check_frames, checked_motion, positive_number
 from hqp_rp.control._displacement import Configurations, DisplacementLimit, DisplacementTask, library_of
 from hqp_rp.control._native_rows import NativeLimit
 from hqp_rp.control._refusal import outline
@@ -23,7 +23,6 @@ from hqp_rp.control._stack_warnings import warn_of_couplings, warn_of_hard_torqu
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.limit import Limit, VelocityLimit
 from hqp_rp.control.task import FeedbackTask, Task
-from hqp_rp.core._native import is_finite
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
@@ -207,7 +206,8 @@ class Stack:
                 )
         elif type(dt) is not float or dt != self._dt:
             dt = self._checked_dt(dt)
-        matrix, lower, upper, damping = self._filled(rows, robot, dt, v, a)
+        velocity = None if v is None else checked_motion(v, robot, "v", "rad/s or m/s")
+        matrix, lower, upper, damping = self._filled(rows, robot, dt, velocity, a)
         offsets, below = self._offsets
         metric = self._metric.on(robot)
         problem = Problem.from_rows(
@@ -217,8 +217,7 @@ class Stack:
             counts = rows.counts
             bounds = None
             if dt is not None:
-                before = v.copy() if type(v) is np.ndarray else None if v is None else np.array(v, dtype=np.float64)
-                bounds = _Bounds(dt, before, lower, upper)
+                bounds = _Bounds(dt, None if velocity is None else velocity.copy(), lower, upper)
             problem.kept = {ROW_NAMES: functools.partial(self._stated_rows, robot, counts, self._hard, bounds)}
             if not problem.hard_rows:  # limits without a row at present
                 problem.kept["hard"] = Level(np.zeros((0, robot.nv)), [], [], name="limits")
@@ -228,13 +227,11 @@ class Stack:
         return problem
 
     def _filled(
-        self, rows: StackRows, robot: Robot, dt: float | None, v: ArrayLike | None, a: ArrayLike | None
+        self, rows: StackRows, robot: Robot, dt: float | None, v: FloatArray | None, a: ArrayLike | None
     ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[LevelDamping | None, ...] | None]:
-        """Matrix, lower and upper of all rows, hard ones first, and the damping of the levels, for a dt that was checked."""
-        if v is not None:
-            v = _checked_motion(v, robot, "v", "rad/s or m/s")
+        """Matrix, lower and upper of all rows, hard ones first, and the damping of the levels; dt and v were checked."""
         if a is not None:
-            a = _checked_motion(a, robot, "a", "rad/s^2 or m/s^2") if rows.is_jerked else None
+            a = checked_motion(a, robot, "a", "rad/s^2 or m/s^2") if rows.is_jerked else None
         for configurations in self._configurations.values():
             configurations.expire()
 
@@ -533,13 +530,3 @@ def _level_damping(
             f"damping has {len(damping)} entries for {levels} levels; give one policy or None for each, or one for all."
         )
     return tuple(checked_level_damping(policy, f"damping of level {k + 1}") for k, policy in enumerate(damping))
-
-
-def _checked_motion(value: ArrayLike, robot: Robot, name: str, unit: str) -> FloatArray:
-    try:
-        motion = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise SettingError(f"{name} is {value!r}; it must be {robot.nv} numbers in {unit}.") from None
-    if motion.shape != (robot.nv,) or not is_finite(motion):
-        raise SettingError(f"{name} is {motion.tolist()}; it must be {robot.nv} finite numbers in {unit}.")
-    return motion

@@ -123,7 +123,8 @@ class TorqueController:
 
         Raises `HqpError` for misuse before the first good answer; for a dt that is not > 0 always.
         """
-        dt = positive_number(dt, "dt")
+        if type(dt) is not float or not 0.0 < dt < math.inf:
+            dt = positive_number(dt, "dt")
         problem: Problem | None = None
         solution: Solution | None = None
         dynamics: InverseDynamics | None = None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import check_frames, finite_vector, positive_number
+from hqp_rp.control._checks import check_frames, checked_motion, finite_vector, positive_number
 from hqp_rp.control._contact_rows import ContactRows
 from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import velocity_names
@@ -28,6 +28,7 @@ from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
 from hqp_rp.core.row_names import ROW_NAMES, RowName
+from hqp_rp.robot.dynamics import dynamics_reader
 from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
@@ -214,17 +215,18 @@ class TorqueStack:
             raise SettingError("torques need the velocity: problem(robot, dt, v); zeros for a robot at rest.")
         if type(dt) is not float or dt != motion._dt:
             dt = motion._checked_dt(dt)
-        given, given_lower, given_upper, policies = motion._filled(rows, robot, dt, v, a)
+        velocity = checked_motion(v, robot, "v", "rad/s or m/s")
+        given, given_lower, given_upper, policies = motion._filled(rows, robot, dt, velocity, a)
         if robot is not self._robot:
             self._meet(robot)
-        velocity = np.ascontiguousarray(v, dtype=np.float64)
         contacts = self._contact_rows
         if contacts.read(velocity) or motion._offsets is not self._motion_offsets:
             self._lay_out()
-        M, h = robot.mass_matrix(), _bias(robot, velocity)
+        M, h = self._mass_matrix, self._bias
+        self._read_dynamics(velocity, M, h)
         if applied is not None:
-            h = h - finite_vector(applied, robot.nv, "applied", "N m or N")
-        made = self._native.rows(M, h, given, given_lower, given_upper)
+            h -= finite_vector(applied, robot.nv, "applied", "N m or N")
+        made = self._native.rows(given, given_lower, given_upper)
         if made is None:
             raise ProblemError(f"The mass matrix or the bias torque of {robot!r} is not finite at this q and v.")
         matrix, lower, upper, torque_map, offset, jacobian = made
@@ -419,9 +421,14 @@ class TorqueStack:
         self._contact_rows = ContactRows(robot, self._contacts)
         if not self._contacts:
             self._contact_rows.arrays["jacobians"] = np.zeros((0, 6, robot.nv))
+        # Read at every step; what a problem keeps of them is copied.
+        self._mass_matrix, self._bias = np.empty((robot.nv, robot.nv)), np.empty(robot.nv)
+        self._read_dynamics = dynamics_reader(robot)
         self._native = _native.TorqueRows(
             {
                 **self._contact_rows.arrays,
+                "mass_matrix": self._mass_matrix,
+                "bias": self._bias,
                 "passive": self._passive,
                 "driven": np.ascontiguousarray(driven, dtype=np.int64),
                 "limited": self._limited,
@@ -465,11 +472,6 @@ class TorqueStack:
     def __repr__(self) -> str:
         contacts = f", {len(self._contacts)} contacts" if self._contacts else ""
         return f"TorqueStack({' > '.join(self.names)}{contacts})"
-
-
-def _bias(robot: Any, v: FloatArray) -> FloatArray:
-    bias: FloatArray = robot.bias(v)
-    return bias
 
 
 def _rebuilt(levels: Sequence[Any], limits: Sequence[Any], arguments: dict[str, Any]) -> TorqueStack:

@@ -115,6 +115,15 @@ def damped_least_squares(A: object, b: object, eta: float) -> FloatArray:
 def is_finite(array: object) -> bool:
     """Whether every number of an array of any shape is finite."""
 
+def finite_vector(given: object, size: int) -> FloatArray | None:
+    """The same numbers as a C-contiguous float64 vector (size,), the object itself where it is one; None where they are not finite ones."""
+
+def take_configuration(q: object | None, out: object, quaternions: object, least: float) -> bool:
+    """
+    Copy a configuration if it is finite and of the length of `out`, and the squared norm of every quaternion, beginning at these places,
+    is above `least`; whether it was.
+    """
+
 def instruction_set() -> str:
     """For which instruction set the kernels in use were compiled."""
 
@@ -272,7 +281,7 @@ class TorqueRows:
         Say where rows stand, and which the cones are; arrays of which nothing changes later.
         """
 
-    def rows(self, M: object, h: object, given: object, given_lower: object, given_upper: object) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray] | None:
+    def rows(self, given: object, given_lower: object, given_upper: object) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray] | None:
         """All rows but those of tasks on forces: matrix, lower, upper, map, offset, Jacobian of the points; None where M or h is not finite."""
 
     def points(self) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -45,8 +44,7 @@ from hqp_rp.robot.mujoco_surroundings import MujocoSurroundings
 
 # Below this squared norm MuJoCo silently takes a quaternion for the identity.
 _MIN_SQUARE = float(mujoco.mjMINVAL) ** 2
-_FLOAT64 = np.dtype(np.float64)
-_isfinite, _kinematics = math.isfinite, mujoco.mj_kinematics
+_take_configuration, _kinematics = _native.take_configuration, mujoco.mj_kinematics
 _velocities, _newton_euler = mujoco.mj_comVel, mujoco.mj_rne
 _inertias, _full_inertia = mujoco.mj_makeM, mujoco.mj_fullM
 
@@ -96,7 +94,6 @@ class MujocoRobot(MujocoSurroundings):
             raise RobotError(f"model is a {type(model).__name__}; give a mujoco.MjModel, or use MujocoRobot.from_file.")
         self._model = model
         self._nq, self._nv = int(model.nq), int(model.nv)
-        self._shape = (self._nq,)
         self._name = f"the MuJoCo model {model_name(model)!r}"
         require_joints(self._nv, self._name)
         self._joint_names = tuple(model.joint(j).name or f"unnamed_joint_{j}" for j in range(model.njnt))
@@ -107,6 +104,7 @@ class MujocoRobot(MujocoSurroundings):
         self._velocity_limit = checked_limit(limit, self._joint_names, widths)
         self._lower, self._upper = position_limits(model)
         self._quaternions = quaternions(model)
+        self._quaternion_places = np.array(self._quaternions, dtype=np.int64)
         # Sites are numbered after the bodies: one integer says which frame it is.
         self._nbody = int(model.nbody)
         bodies = [("body", model.body(i).name, i) for i in range(model.nbody)]
@@ -241,14 +239,8 @@ class MujocoRobot(MujocoSurroundings):
 
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
-        if type(q) is np.ndarray and q.dtype is _FLOAT64 and q.shape == self._shape:
-            values = q.tolist()
-            # A sum is quicker than a mask; where it is not finite, or a quaternion may be zero, every entry is looked at.
-            if not _isfinite(sum(values)) or (self._quaternions and not self._have_directions(values)):
-                self._checked(q, "q")
-        else:
-            q = self._checked(q, "q")
-        self._qpos[...] = q  # quicker than [:]
+        if not _take_configuration(q, self._qpos, self._quaternion_places, _MIN_SQUARE):
+            self._qpos[...] = self._checked(q, "q")
         self._given = None
         self._is_complete = False
         _kinematics(self._model, self._data)
@@ -371,6 +363,17 @@ class MujocoRobot(MujocoSurroundings):
         _newton_euler(model, data, 0, torque)
         return torque
 
+    def read_dynamics(self, v: FloatArray, mass_matrix: FloatArray, bias: FloatArray) -> None:
+        """Write `mass_matrix()` (nv, nv) and `bias(v)` (nv,) into arrays; v (nv,) is a float64 array and not checked."""
+        model, data = self._model, self._data
+        if not self._is_complete:
+            self._complete()
+        _inertias(model, data)
+        _full_inertia(model, data, mass_matrix)
+        self._qvel[...] = v  # nothing else reads the velocity of the private state
+        _velocities(model, data)
+        _newton_euler(model, data, 0, bias)
+
     @property
     def effort_limit(self) -> FloatArray:
         """(nv,) the greatest |torque| that the model states of its motors, N m or N; infinite where none is stated.
@@ -476,14 +479,6 @@ class MujocoRobot(MujocoSurroundings):
             if not quaternion.dot(quaternion) > _MIN_SQUARE:
                 raise RobotError(f"{what}[{start}:{start + 4}] is a zero quaternion; it must have a direction.")
         return vector
-
-    def _have_directions(self, q: list[float]) -> bool:
-        """Whether no quaternion in q is zero."""
-        for start in self._quaternions:
-            w, x, y, z = q[start : start + 4]
-            if not w * w + x * x + y * y + z * z > _MIN_SQUARE:
-                return False
-        return True
 
     def _center_of_mass(self) -> tuple[FloatArray, FloatArray]:
         kinematics = self._kinematics.get(None) or self._kinematics_of((Point.CENTER_OF_MASS,))

@@ -9,6 +9,7 @@ import pytest
 from hqp_rp.core.errors import RobotError
 from hqp_rp.robot import DynamicRobot, MujocoRobot, PinocchioRobot, Robot, planar_arm, sawyer
 from hqp_rp.robot.dual_arm import dual_arm
+from hqp_rp.robot.dynamics import dynamics_reader
 from hqp_rp.robot.pinocchio_model import configuration_from_mujoco
 from hqp_rp.scenarios.humanoid_reach import HumanoidReach
 from tests.control.chain import random_chain
@@ -250,3 +251,48 @@ def test_what_accelerations_need_is_a_protocol_of_its_own():
     chain = random_chain(np.random.default_rng(0))
     assert isinstance(chain, Robot)
     assert not isinstance(chain, DynamicRobot)
+
+
+def read(robot, v):
+    M, h = np.full((robot.nv, robot.nv), np.nan), np.full(robot.nv, np.nan)
+    dynamics_reader(robot)(v, M, h)
+    return M, h
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_what_is_read_is_what_the_robot_states(name):
+    robot = ROBOTS[name]()
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        robot.update(robot.integrate(robot.neutral, rng.normal(size=robot.nv), 0.3))
+        v = rng.normal(size=robot.nv)
+        M, h = read(robot, v)  # first, so that nothing of the configuration is computed yet
+        np.testing.assert_array_equal(M, robot.mass_matrix())
+        np.testing.assert_array_equal(h, robot.bias(v))
+
+
+def test_what_a_subclass_or_an_object_states_itself_counts():
+    class Loaded(MujocoRobot):
+        def mass_matrix(self):
+            return 2.0 * super().mass_matrix()
+
+    class Further(Loaded):
+        pass
+
+    class Both(Loaded):
+        def read_dynamics(self, v, mass_matrix, bias):
+            mass_matrix[...], bias[...] = 3.0, 4.0
+
+    model, v = MujocoRobot.from_arm(sawyer()).model, np.full(7, 0.2)
+    for kind in (Loaded, Further):
+        robot = kind(model)
+        M, h = read(robot, v)
+        np.testing.assert_array_equal(M, robot.mass_matrix())
+        np.testing.assert_array_equal(h, robot.bias(v))
+    assert read(Both(model), v)[0][0, 0] == 3.0
+    robot = MujocoRobot(model)
+    robot.bias = lambda v: np.arange(7.0)
+    np.testing.assert_array_equal(read(robot, v)[1], np.arange(7.0))
+    robot.bias = lambda v: np.zeros(6)
+    with pytest.raises(RobotError, match=r"bias\(v\) of .* has shape \(6,\); it must be \(7,\)"):
+        read(robot, v)

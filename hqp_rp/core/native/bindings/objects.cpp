@@ -161,6 +161,38 @@ void bind_objects(nb::module_& module) {
         return all_finite(numbers_in(numbers), PyArray_SIZE(reinterpret_cast<PyArrayObject*>(numbers.ptr())));
       },
       nb::arg("array"), "Whether every number of an array of any shape is finite.");
+  module.def(
+      "finite_vector",
+      [](nb::handle given, Py_ssize_t size) -> nb::object {
+        PyObject* found = PyArray_FROMANY(given.ptr(), NPY_DOUBLE, 0, 0, NPY_ARRAY_CARRAY_RO);
+        if (!found) {
+          PyErr_Clear();
+          return nb::none();
+        }
+        const nb::object vector = nb::steal(found);
+        const bool fits = PyArray_NDIM(reinterpret_cast<PyArrayObject*>(found)) == 1 && length_of(found) == size;
+        return fits && all_finite(numbers_in(vector), size) ? vector : nb::none();
+      },
+      nb::arg("given").none(), nb::arg("size"),
+      "The same numbers as a C-contiguous float64 vector (size,), the object itself where it is one; None where they are not finite ones.");
+  module.def(
+      "take_configuration",
+      [](nb::handle q, nb::handle out, nb::handle quaternions, double least) {
+        const auto* place = required<std::int64_t>(quaternions, 1, "quaternions");
+        double* into = writable<double>(out, 1, "out");
+        const Py_ssize_t size = length_of(out.ptr());
+        const auto* from = static_cast<const double*>(data_of(q.ptr(), NPY_DOUBLE, 1));
+        if (!from || length_of(q.ptr()) != size || !all_finite(from, size)) return false;
+        for (Py_ssize_t i = 0; i < length_of(quaternions.ptr()); ++i) {
+          const double* x = from + place[i];
+          if (!(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3] > least)) return false;
+        }
+        std::copy(from, from + size, into);
+        return true;
+      },
+      nb::arg("q").none(), nb::arg("out"), nb::arg("quaternions"), nb::arg("least"),
+      "Copy a configuration if it is finite and of the length of `out`, and the squared norm of every quaternion, beginning at these places,\n"
+      "is above `least`; whether it was.");
   module.def("instruction_set", [] { return kernels().instruction_set; }, "For which instruction set the kernels in use were compiled.");
   module.def("workspace_allocations", [] { return thread_workspace().allocations(); },
              "How many blocks of memory this thread's workspace has allocated so far.");

@@ -16,7 +16,8 @@ class TorqueRowsObject {
  public:
   // contacts (C, 6): frame, surface (-1: the world), points, first force, motion rows, first motion row. points (K, 3), bases (C, 6, 6),
   // axes (C, 3, 3), kd and activation (C,) of the contacts; frames: rotations (F, 3, 3), origins (F, 3), jacobians (F, 6, nv), twists and
-  // biases (F, 6). passive, driven, limited: velocity indices, of the torque limits `limit`. cones (G, forces), their bounds (G,).
+  // biases (F, 6). mass_matrix (nv, nv) and bias (nv,): M and h + g, read at each step. passive, driven, limited: velocity indices, of the
+  // torque limits `limit`. cones (G, forces), their bounds (G,).
   TorqueRowsObject(nb::dict arrays, int forces, double unit) : kept_(arrays) {
     rows_.forces = forces;
     rows_.unit = unit;
@@ -43,6 +44,10 @@ class TorqueRowsObject {
     driven_ = of<std::int64_t>("driven", 1);
     limited_ = of<std::int64_t>("limited", 1);
     limit_ = of<double>("limit", 1);
+    mass_ = of<double>("mass_matrix", 2), bias_ = of<double>("bias", 1);
+    const nb::object mass(kept_["mass_matrix"]);
+    if (length_of(mass.ptr()) != rows_.nv || length_of(mass.ptr(), 1) != rows_.nv || size("bias") != rows_.nv)
+      throw nb::value_error("mass_matrix and bias do not fit together.");
     if (size("limit") != size("limited")) throw nb::value_error("limit and limited do not fit together.");
   }
 
@@ -57,26 +62,35 @@ class TorqueRowsObject {
     for (Py_ssize_t i = 0; fit && i < m; ++i) fit = places_[i] >= 0 && places_[i] < total;
     if (!fit) throw nb::value_error("The arrays do not fit together.");
     placed_ = nb::make_tuple(cones, cone_lower, cone_upper, places);
+    alone_ = m == total && rows_.forces == 0;
+    for (Py_ssize_t i = 0; i < m; ++i) alone_ = alone_ && places_[i] == i;
     cone_rows_ = g, given_rows_ = m, motion_place_ = motion_place, total_ = total;
   }
 
   // matrix (M, n), lower and upper (M,) of all rows, those of tasks on forces left as they are: the equation of motion, torque limits, cones,
   // then the rows on accelerations, given (m, nv) and (m,), each in its place; the first place among the levels is that of the contacts'
-  // motion. With them the map (d, n) and the offset (d,) of torques and the Jacobian (forces, nv) of the points.
-  // None where M or h is not finite.
-  nb::object rows(nb::handle M, nb::handle h, nb::handle given, nb::handle given_lower, nb::handle given_upper) {
+  // motion. With them the map (d, n) and the offset (d,) of torques and the Jacobian (forces, nv) of the points. Where the given rows are all,
+  // they are returned as they are.
+  // None where mass matrix or bias is not finite.
+  nb::object rows(nb::handle given, nb::handle given_lower, nb::handle given_upper) {
     const Py_ssize_t n = rows_.nv + rows_.forces, nv = rows_.nv;
-    const double *mass = required<double>(M, 2, "M"), *bias = required<double>(h, 1, "h");
+    const double *mass = mass_, *bias = bias_;
     const double *B = required<double>(given, 2, "given"), *b_low = required<double>(given_lower, 1, "given_lower");
     const double* b_up = required<double>(given_upper, 1, "given_upper");
     const Py_ssize_t p = size("passive"), d = size("driven"), l = size("limited"), g = cone_rows_, m = given_rows_;
-    const bool fit = length_of(M.ptr()) == nv && length_of(M.ptr(), 1) == nv && length_of(h.ptr()) == nv && length_of(given.ptr()) == m &&
-                     (!m || length_of(given.ptr(), 1) == nv) && length_of(given_lower.ptr()) == m && length_of(given_upper.ptr()) == m;
+    const bool fit = length_of(given.ptr()) == m && (!m || length_of(given.ptr(), 1) == nv) && length_of(given_lower.ptr()) == m &&
+                     length_of(given_upper.ptr()) == m;
     if (!fit) throw nb::value_error("The arrays do not fit together.");
-    const nb::object matrix = new_array({total_, n}), lower = new_array({total_}), upper = new_array({total_}), map = new_array({d, n});
-    const nb::object offset = new_array({d}), point_jacobian = new_array({rows_.forces, nv});
-    double *A = numbers_in(matrix), *low = numbers_in(lower), *up = numbers_in(upper), *T = numbers_in(map), *o = numbers_in(offset);
-    double* J = numbers_in(point_jacobian);
+    if (!all_finite(mass, nv * nv) || !all_finite(bias, nv)) return nb::none();
+    const nb::object map = new_array({d, n}), offset = new_array({d}), point_jacobian = new_array({rows_.forces, nv});
+    double *T = numbers_in(map), *o = numbers_in(offset), *J = numbers_in(point_jacobian);
+    if (alone_) {
+      rows_.torque_rows(mass, J, driven_, d, T);
+      for (Py_ssize_t i = 0; i < d; ++i) o[i] = bias[driven_[i]];
+      return nb::make_tuple(given, given_lower, given_upper, map, offset, point_jacobian);
+    }
+    const nb::object matrix = new_array({total_, n}), lower = new_array({total_}), upper = new_array({total_});
+    double *A = numbers_in(matrix), *low = numbers_in(lower), *up = numbers_in(upper);
     const double *G = cones_, *g_low = cone_lower_, *g_up = cone_upper_;
     const std::int64_t* place = places_;
     const Py_ssize_t motion_place = motion_place_;
@@ -111,7 +125,6 @@ class TorqueRowsObject {
       low[place[i]] = b_low[i];
       up[place[i]] = b_up[i];
     }
-    if (!all_finite(mass, nv * nv) || !all_finite(bias, nv)) return nb::none();
     return nb::make_tuple(matrix, lower, upper, map, offset, point_jacobian);
   }
 
@@ -137,7 +150,8 @@ class TorqueRowsObject {
   Py_ssize_t cone_rows_ = 0, given_rows_ = 0, motion_place_ = 0, total_ = 0;
   TorqueRows rows_;
   int motion_rows_ = 0;
-  const double *kd_ = nullptr, *activation_ = nullptr, *limit_ = nullptr;
+  bool alone_ = false;  // rows on accelerations are all there are
+  const double *kd_ = nullptr, *activation_ = nullptr, *limit_ = nullptr, *mass_ = nullptr, *bias_ = nullptr;
   const std::int64_t *passive_ = nullptr, *driven_ = nullptr, *limited_ = nullptr;
 };
 
@@ -176,7 +190,7 @@ void bind_torque_rows(nb::module_& module) {
       .def(nb::init<nb::dict, int, double>(), nb::arg("arrays"), nb::arg("forces"), nb::arg("unit"))
       .def("place", &TorqueRowsObject::place, nb::arg("cones"), nb::arg("cone_lower"), nb::arg("cone_upper"), nb::arg("places"),
            nb::arg("motion_place"), nb::arg("total"), "Say where rows stand, and which the cones are; arrays of which nothing changes later.")
-      .def("rows", &TorqueRowsObject::rows, nb::arg("M"), nb::arg("h"), nb::arg("given"), nb::arg("given_lower"), nb::arg("given_upper"),
+      .def("rows", &TorqueRowsObject::rows, nb::arg("given"), nb::arg("given_lower"), nb::arg("given_upper"),
            "All rows but those of tasks on forces: matrix, lower, upper, map, offset, Jacobian of the points; None where M or h is not finite.")
       .def("points", &TorqueRowsObject::points, "The Jacobian of the points alone.");
 }
