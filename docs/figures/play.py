@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 
 
 def wait_for_the_scene(browser: Browser, folder: Path) -> None:
-    """Until the scene has faded in: frame by frame, which takes its time without a graphics card."""
+    """Until the scene is drawn, which takes its time without a graphics card."""
     for _ in range(120):
         browser.screenshot(folder / "scene.png")
         picture = imread(folder / "scene.png")
@@ -49,7 +49,7 @@ def main() -> None:
             for k in range(1, 31):
                 page._changes.put(functools.partial(loop.drag, 0, position=start - (0.0, 0.004 * k, 0.0)))
                 time.sleep(0.05)
-            page._changes.put(page._put_gizmos)
+            page._changes.put(lambda: page._show(page._put_gizmos))
             recording = loop.stop_recording()
             page._running.value = False
             time.sleep(10.0)  # until that is drawn

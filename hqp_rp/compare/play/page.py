@@ -13,10 +13,11 @@ import numpy as np
 
 from hqp_rp.compare.play.arm import called
 from hqp_rp.compare.play.loop import PlayLoop, Step
+from hqp_rp.compare.play.pace import Pace
 from hqp_rp.compare.play.panel import panel
 from hqp_rp.compare.play.stage import Stage
 from hqp_rp.compare.play.strip_chart import StripChart
-from hqp_rp.compare.play.viser_server import serve, told_on_the_left
+from hqp_rp.compare.play.viser_server import in_server, serve, told_on_the_left
 from hqp_rp.control.catalogue import Catalogue
 from hqp_rp.core.damping import (
     ConstantDamping,
@@ -48,7 +49,7 @@ DAMPINGS: dict[str, Callable[[float], LevelDamping | None]] = {
 
 _FRAME = 1.0 / 30.0
 _PANEL = 0.1
-_MOST_STEPS = 20  # of one frame: a loop that cannot keep up runs slower, and does not fall behind
+_SEARCH = 2.0  # s; a search that goes on after the end is nobody's any more
 _MOST_PLACES = 8  # buttons of one kind of singularity
 
 
@@ -75,13 +76,11 @@ class PlayPage:
         self._changes: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stopped = threading.Event()
         self._threads: list[threading.Thread] = []
+        self._searching: threading.Thread | None = None
         self._starts = starts
         self._solvers = {name: name for name in all_solvers()} | {called(arm.solver): arm.solver for arm in loop.arms}
         self.step: Step | None = None
-        self._stage = Stage(self._server, loop.robot.model, loop.arms[0].robot.q)
-        for i, target in enumerate(loop.targets):
-            self._stage.add_gizmo(target, self._gizmo_place(i), self._dragger(i))
-        self._build(file)
+        in_server(self._server, lambda: self._build_all(file))
 
     @property
     def address(self) -> str:
@@ -91,7 +90,7 @@ class PlayPage:
     def run(self) -> None:
         """Run the loop in real time until `stop`, or until it is interrupted."""
         if self._starts:
-            self._begin(self._search)
+            self._searching = self._begin(self._search)
         try:
             self._run()
         finally:
@@ -108,27 +107,26 @@ class PlayPage:
         self._stopped.set()
         for thread in self._threads:
             if thread is not threading.current_thread():
-                thread.join(timeout=2.0)  # a search that goes on is nobody's any more
+                thread.join(timeout=_SEARCH if thread is self._searching else None)
         self._server.stop()
 
-    def _begin(self, target: Callable[[], None]) -> None:
+    def _begin(self, target: Callable[[], None]) -> threading.Thread:
         thread = threading.Thread(target=target, daemon=True)
         self._threads.append(thread)
         thread.start()
+        return thread
 
     def _run(self) -> None:
-        behind, drawn, last = 0.0, 0.0, time.monotonic()
+        drawn, pace = 0.0, Pace(self.loop.dt, time.monotonic())
         while not self._stopped.is_set():
             self._change()
             now = time.monotonic()
-            passed = now - last if self._running.value else 0.0
-            behind, last = min(behind + passed, _MOST_STEPS * self.loop.dt), now
-            while behind >= self.loop.dt:
-                was_driving = self.loop.driving
+            drove = False
+            for _ in range(pace.due(now, running=self._running.value)):
+                drove = drove or self.loop.driving
                 self.step = self.loop.step()
-                behind -= self.loop.dt
-                if was_driving:
-                    self._put_gizmos()
+            if drove:
+                self._show(self._put_gizmos)
             if self.step is not None:
                 self._draw(self.step, now - drawn >= _PANEL)
                 drawn = now if now - drawn >= _PANEL else drawn
@@ -146,20 +144,31 @@ class PlayPage:
             except HqpError as error:
                 self._tell(str(error))
 
+    def _show(self, change: Callable[[], None]) -> None:
+        """Change what is on the page."""
+        in_server(self._server, change)
+
     def _tell(self, sentence: str, title: str = "Not done") -> None:
-        for client in self._server.get_clients().values():
-            client.add_notification(title, sentence, auto_close_seconds=12.0)
+        def tell() -> None:
+            for client in self._server.get_clients().values():
+                client.add_notification(title, sentence, auto_close_seconds=12.0)
+
+        self._show(tell)
 
     def _draw(self, step: Step, with_panel: bool) -> None:
-        self._stage.show([arm.robot.q for arm in self.loop.arms])
+        self._show(lambda: self._stage.show([arm.robot.q for arm in self.loop.arms]))
         if with_panel:
-            for i, target in enumerate(self.loop.targets):
-                if not any(target.moves):  # a ring alone goes with its frame
-                    self._stage.put_gizmo(i, np.append(self._gizmo_place(i)[:3], np.full(4, np.nan)))
             solvers = [arm.label for arm in self.loop.arms]
-            self._html.content = panel(self.loop.levels, step.arms, solvers, step.driving)
-            self._chart.add(step.time, step.arms)
-            self._chart.draw()
+            content = panel(self.loop.levels, step.arms, solvers, step.driving)
+            self._show(lambda: self._draw_panel(step, content))
+
+    def _draw_panel(self, step: Step, content: str) -> None:
+        for i, target in enumerate(self.loop.targets):
+            if not any(target.moves):  # a ring alone goes with its frame
+                self._stage.put_gizmo(i, np.append(self._gizmo_place(i)[:3], np.full(4, np.nan)))
+        self._html.content = content
+        self._chart.add(step.time, step.arms)
+        self._chart.draw()
 
     def _gizmo_place(self, i: int) -> Any:
         """Where the gizmo of a target stands: one that only turns its frame stands at the frame."""
@@ -182,7 +191,13 @@ class PlayPage:
 
         return dragged
 
-    # --- the panel ---------------------------------------------------------------------------------------------------
+    # --- what is on the page: all of it in the server's thread (in_server) -------------------------------------------
+
+    def _build_all(self, file: str) -> None:
+        self._stage = Stage(self._server, self.loop.robot.model, self.loop.arms[0].robot.q)
+        for i, target in enumerate(self.loop.targets):
+            self._stage.add_gizmo(target, self._gizmo_place(i), self._dragger(i))
+        self._build(file)
 
     def _build(self, file: str) -> None:
         gui = self._server.gui
@@ -226,11 +241,14 @@ class PlayPage:
         factor = gui.add_slider("log10 factor", min=-5.0, max=0.0, step=0.1, initial_value=-1.0)
         chosen = {"solver": now, "damping": AS_GIVEN}
 
+        def put_back() -> None:
+            solver.value, damping.value = chosen["solver"], chosen["damping"]
+
         def change() -> None:
             try:
                 self._chosen(arm, solver.value)
             except HqpError:
-                solver.value, damping.value = chosen["solver"], chosen["damping"]
+                self._show(put_back)
                 raise
             chosen.update(solver=solver.value, damping=damping.value)
 
@@ -266,9 +284,9 @@ class PlayPage:
             catalogue = self.loop.find_singularities(self._starts)
         except HqpError as error:
             sentence = f"None were searched for: {error}"
-            self._changes.put(lambda: setattr(self._found, "content", sentence))
+            self._changes.put(lambda: self._show(lambda: setattr(self._found, "content", sentence)))
             return
-        self._changes.put(lambda: self._offer(catalogue))
+        self._changes.put(lambda: self._show(lambda: self._offer(catalogue)))
 
     def _offer(self, catalogue: Catalogue) -> None:
         """A row of buttons for each level and kind of singularity."""
@@ -295,9 +313,9 @@ class PlayPage:
     def _recorded(self) -> None:
         if not self.loop.recording:
             self.loop.record()
-            self._record.label = "Stop and save"
+            self._show(lambda: setattr(self._record, "label", "Stop and save"))
             return
         recording = self.loop.stop_recording()
-        self._record.label = "Record"
+        self._show(lambda: setattr(self._record, "label", "Record"))
         path = recording.save(pathlib.Path(user_path(self._file.value)))
         self._tell(f"{path}: {recording!r}. Show it again: hqp-rp replay {path}", "Saved")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 import time
 
@@ -12,7 +13,7 @@ from hqp_rp.compare.play.recording import Recording
 from hqp_rp.compare.play.stage import Stage
 from hqp_rp.compare.play.strip_chart import StripChart
 from hqp_rp.compare.play.targets import targets_of
-from hqp_rp.compare.play.viser_server import serve, told_on_the_left
+from hqp_rp.compare.play.viser_server import in_server, serve, told_on_the_left
 from hqp_rp.control.stack_file import parse_stack
 from hqp_rp.core.errors import FileError
 from hqp_rp.core.problem import FloatArray
@@ -48,8 +49,12 @@ class ReplayPage:
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
         self._shown, self._charted = -1, -1
-        self._stage = Stage(self._server, robot.model, recording.q[0, 0])
         self._robot, self._targets = robot, targets_of(stack)
+        in_server(self._server, self._build)
+
+    def _build(self) -> None:
+        recording = self.recording
+        self._stage = Stage(self._server, self._robot.model, recording.q[0, 0])
         for i, target in enumerate(self._targets):
             self._stage.add_gizmo(target, self._place(0, i), None)
         gui = self._server.gui
@@ -82,7 +87,7 @@ class ReplayPage:
                     at = float(self._step.value)  # somebody moved the slider
                 if self._playing.value and self._server.get_clients():
                     at = (at + (now - last) * float(self._speed.value) / self.recording.dt) % len(self.recording)
-                    self._step.value = int(at)
+                    in_server(self._server, functools.partial(setattr, self._step, "value", int(at)))
                 last = now
                 self.show(self.step, with_panel=now - told >= _PANEL)
                 told = now if now - told >= _PANEL else told
@@ -114,6 +119,9 @@ class ReplayPage:
 
     def show(self, step: int, *, with_panel: bool = True) -> None:
         """Show this step."""
+        in_server(self._server, lambda: self._show(step, with_panel))
+
+    def _show(self, step: int, with_panel: bool) -> None:
         recording = self.recording
         states = [recording.state(step, arm) for arm in range(recording.arms)]
         there = [(i, state) for i, state in enumerate(states) if state is not None]

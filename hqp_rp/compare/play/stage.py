@@ -14,6 +14,7 @@ from hqp_rp.compare.play.targets import Target
 from hqp_rp.core.problem import FloatArray
 
 _OPACITY = (1.0, 0.35)
+_SKY = 3.0
 _TINT = 0.55  # how much of a robot's colour is that of its solver
 
 
@@ -34,6 +35,13 @@ class Stage:
         self._size = max(float((high - low).max()), 0.1)
         middle = 0.5 * (low + high)
         server.scene.set_up_direction("+z")
+        # Light from above and below in place of viser's photograph, and no shadows: where a processor draws, those two
+        # take it 20 s before the first picture, in which the page answers nothing.
+        server.scene.configure_environment_map(None)
+        server.scene.configure_default_lights(cast_shadow=False)
+        server.scene.add_light_hemisphere(
+            "/sky", sky_color=(255, 255, 255), ground_color=(190, 190, 200), intensity=_SKY, position=(0.0, 0.0, 1.0)
+        )
         server.scene.add_grid(
             "/floor", width=4.0 * self._size, height=4.0 * self._size, cell_size=0.1, section_size=0.5,
             position=(float(middle[0]), float(middle[1]), min(float(low[2]), 0.0)),

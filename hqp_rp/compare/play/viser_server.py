@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import contextlib
 import importlib
 import io
 import socket
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.extras import require
 
 _WIDTH = 340  # pixels
+_Answer = TypeVar("_Answer")
 
 
 def serve(host: str, port: int, label: str) -> Any:
@@ -39,6 +43,41 @@ def serve(host: str, port: int, label: str) -> Any:
     viser = importlib.import_module("viser")
     with contextlib.redirect_stdout(io.StringIO()):  # its banner: the address is ours to tell
         return viser.ViserServer(host=host, port=port, label=label, verbose=False)
+
+
+def in_server(server: Any, what: Callable[[], _Answer]) -> _Answer:
+    """Do this in the thread of the server's event loop; what it returns or raises.
+
+    All that a page is told goes this way. viser wakes its senders by `asyncio.Event.set`, from whatever thread sets a
+    value, and other threads than the loop's may not: where a sender begins or ends its wait at that moment, the one who told
+    gets "deque mutated during iteration".
+
+    Raises:
+        RuntimeError: the server was stopped.
+    """
+    loop: asyncio.AbstractEventLoop = server.get_event_loop()
+    try:
+        if asyncio.get_running_loop() is loop:
+            return what()
+    except RuntimeError:
+        pass  # another thread, without a loop
+    answer: concurrent.futures.Future[_Answer] = concurrent.futures.Future()
+
+    def do() -> None:
+        try:
+            answer.set_result(what())
+        except BaseException as error:
+            answer.set_exception(error)
+
+    loop.call_soon_threadsafe(do)
+    while True:
+        try:
+            return answer.result(timeout=1.0)
+        except concurrent.futures.TimeoutError:
+            if answer.done():
+                raise
+            if loop.is_closed():
+                raise RuntimeError("The page's server was stopped.") from None
 
 
 def told_on_the_left(gui: Any, title: str) -> Any:
