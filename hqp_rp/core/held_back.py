@@ -8,9 +8,10 @@ import math
 import numpy as np
 
 from hqp_rp.core.active import VIOLATED
-from hqp_rp.core.diagnostics import ACTIVE_TOLERANCE, norm, rounding_at_zero, row_norms, violation
+from hqp_rp.core.diagnostics import ACTIVE_TOLERANCE, norm, row_norms, violation
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.rounding import rounding_at_zero
 from hqp_rp.core.row_names import RowName, level_row_names, row_names
 
 _FELT = 1e-6
