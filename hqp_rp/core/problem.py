@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple, TypeVar, final
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,9 @@ from hqp_rp.core import _native
 from hqp_rp.core.arrays import require_arrays
 from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.level import FloatArray, IntArray, Level, checked_levels, frozen, split_levels
+
+if TYPE_CHECKING:
+    from hqp_rp.core.row_names import RowName
 
 __all__ = ["FloatArray", "IntArray", "Level", "Problem", "Stacked"]
 
@@ -265,9 +268,14 @@ class Problem(_native.Problem):
         raise AttributeError(f"A Problem is read-only: build a new one instead of setting {name!r}.")
 
     def __reduce__(self) -> tuple[object, ...]:
+        from hqp_rp.core.row_names import stated_row_names
+
+        arrays = self.matrix, self.lower, self.upper, self.offsets
+        given = (self.kept or {}).get(_ROW_NAMES)
+        # Names as they are now: what makes them, a stack on a robot, stays behind.
         return (
             _rebuild,
-            (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard, self.damping, self.metric),
+            (*arrays, self.names, self.hard, self.damping, self.metric, given, stated_row_names(self)),
         )
 
     def __repr__(self) -> str:
@@ -292,8 +300,19 @@ def _rebuild(
     hard: Level | None,
     damping: tuple[LevelDamping | None, ...] | None = None,
     metric: FloatArray | None = None,
+    row_names: list[tuple[str, ...]] | None = None,
+    stated: dict[str, list[RowName]] | None = None,
 ) -> Problem:
-    return Problem.from_stacked(matrix, lower, upper, offsets, names=names, hard=hard, damping=damping, metric=metric)
+    problem = Problem.from_stacked(
+        matrix, lower, upper, offsets, names=names, hard=hard, damping=damping, metric=metric
+    )
+    if row_names is not None:
+        problem.kept = {**(problem.kept or {}), _ROW_NAMES: row_names}
+    if stated:
+        from hqp_rp.core.row_names import state_row_names
+
+        state_row_names(problem, stated)
+    return problem
 
 
 def _checked_metric(metric: ArrayLike, n: int) -> FloatArray:
