@@ -15,6 +15,7 @@ from hqp_rp.control._checks import check_frames, finite_vector, positive_number
 from hqp_rp.control._contact_rows import ContactRows
 from hqp_rp.control._refusal import outline
 from hqp_rp.control._row_names import velocity_names
+from hqp_rp.control._rows_in_words import rows_in_words
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_warnings import at_once, at_once_on, warn_of_brakes
 from hqp_rp.control.acceleration_stack import AccelerationStack
@@ -447,7 +448,7 @@ class TorqueStack:
                 for i in range(len(contact.points))
                 for face in faces
             ]
-        return told + self._motion._named_rows(robot, counts)
+        return told + rows_in_words(robot, self._motion._hard, counts, False)
 
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = {

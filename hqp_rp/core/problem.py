@@ -21,6 +21,7 @@ __all__ = ["FloatArray", "IntArray", "Level", "Problem", "Stacked"]
 
 _T = TypeVar("_T")
 _ROW_NAMES = "row names as given"
+_keep = _native.Problem.__dict__["kept"].__set__  # not by way of __setattr__, a tenth of a control step's time
 
 
 class Stacked(NamedTuple):
@@ -134,6 +135,7 @@ class Problem(_native.Problem):
         is_equality: bool,
         damping: tuple[LevelDamping | None, ...] | None = None,
         metric: FloatArray | None = None,
+        kept: dict[str, Any] | None = None,
     ) -> Problem:
         """The problem whose first `hard_rows` rows are hard, above those of its levels; nothing is checked or copied.
 
@@ -142,8 +144,12 @@ class Problem(_native.Problem):
             names: of the levels. is_equality: whether every row of every level is an equality.
             damping: one policy or None for each level, at least one that is not None; or None.
             metric: (n, n), symmetric positive definite and C-contiguous, or None.
+            kept: what goes with the problem, such as the names of its rows (`hqp_rp.core.row_names`), or None.
         """
-        return cls._of(matrix, lower, upper, offsets, names, hard_rows, None, is_equality, damping, metric)
+        problem = cls._of(matrix, lower, upper, offsets, names, hard_rows, None, is_equality, damping, metric)
+        if kept is not None:
+            _keep(problem, kept)
+        return problem
 
     @classmethod
     def _of(cls, *arrays: Any) -> Problem:
