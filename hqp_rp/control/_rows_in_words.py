@@ -8,10 +8,11 @@ from typing import Any
 from hqp_rp.control._approach import Approach
 from hqp_rp.control._displacement import DisplacementLimit
 from hqp_rp.control._native_rows import NativeLimit
-from hqp_rp.control._row_names import per_second, row_names, velocity_units
+from hqp_rp.control._row_names import per_second, row_names, velocity_names, velocity_units
+from hqp_rp.control.contact import Contact
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.limit import VelocityLimit
-from hqp_rp.core.problem import FloatArray
+from hqp_rp.core.problem import FloatArray, IntArray
 from hqp_rp.core.row_names import RowName
 from hqp_rp.robot.robot import Robot
 
@@ -55,6 +56,35 @@ def rows_in_words(
             told.append(RowName(name, row, units[i], lower_from, upper_from, brakes, returns, keep, turned))
         at += count
     return told
+
+
+def torque_rows_in_words(
+    robot: Robot,
+    passive: IntArray,
+    limited: IntArray,
+    contacts: Sequence[Contact],
+    force_unit: float,
+    items: Sequence[tuple[int, Any]],
+    counts: Sequence[int],
+) -> list[RowName]:
+    """One for each hard row of a `TorqueStack`, in the order in which it has them.
+
+    Args:
+        robot, items, counts: as of `rows_in_words`, of the limits. passive, limited: velocity indices that are not driven, and
+            those with a torque limit. contacts: all of them. force_unit: N, what forces among the unknowns count in.
+    """
+    names = velocity_names(robot)
+    told = [RowName("equation of motion", names[i], "N m or N", fixed=True) for i in passive]
+    told += [RowName("joint torque", names[i], "N m or N", fixed=True) for i in limited]
+    force = "N" if force_unit == 1.0 else f"x {force_unit:g} N"  # rows on f / force_unit
+    for contact in contacts:
+        faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
+        told += [
+            RowName(contact.name, f"point {i + 1} {face}", force, fixed=True)
+            for i in range(len(contact.points))
+            for face in faces
+        ]
+    return told + rows_in_words(robot, items, counts, False)
 
 
 def _apart(items: Sequence[tuple[int, Any]]) -> list[str]:
