@@ -15,6 +15,7 @@ from hqp_rp.control.locked_joints import LockedJoints
 from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.core.problem import IntArray
 from hqp_rp.core.warned import warn
+from hqp_rp.core.words import listing
 from hqp_rp.robot.robot import Robot
 
 _NAMED = 5
@@ -39,7 +40,7 @@ def at_once_on(limits: Iterable[Any], robot: Robot, limited: IntArray) -> tuple[
 
 def warn_of_brakes(limit: JointLimit, joints: Sequence[str] = ()) -> None:
     """Say that this limit asks more than limited torques may give; joints: whose, where that is known."""
-    whose = _listed(joints) if joints else "joints"
+    whose = _quoted(joints) if joints else "joints"
     warn(
         f"{limit.name!r} asks {whose} to stop at a position limit, or to come back to it, within one step, and their torques "
         "are limited: where they cannot, the problem is INFEASIBLE at every step, at rest too. Give "
@@ -68,13 +69,13 @@ def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
     ]
     if loose:
         told.append(
-            f"The robot's model says that the joints {_listed(loose)} follow others, which this stack does not hold; add "
+            f"The robot's model says that the joints {_quoted(loose)} follow others, which this stack does not hold; add "
             "JointCoupling() to its limits."
         )
     loops = getattr(robot, "loops", ())
     if loops:
         told.append(
-            f"The robot's model has the equality constraints {_listed(loops)} (loops), which no stack holds: the answers "
+            f"The robot's model has the equality constraints {_quoted(loops)} (loops), which no stack holds: the answers "
             "may break them."
         )
     if told:
@@ -89,12 +90,12 @@ def warn_of_speeds(items: Sequence[Any], robot: Robot) -> None:
         loose = item.unlimited_speeds(robot) if isinstance(item, JointLimit) else []
         if loose:
             warn(
-                f"{item.name!r} bounds no speed of {_listed(loose)}: the robot's model says no velocity limits, and none "
+                f"{item.name!r} bounds no speed of {_quoted(loose)}: the robot's model says no velocity limits, and none "
                 "are given. Give JointLimit(velocity=...), or velocity_limit=... when the robot is loaded; "
                 "JointLimit(velocity=np.inf) where none is what you mean."
             )
             return
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(map(repr, names[:_NAMED])) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+def _quoted(names: Sequence[str]) -> str:
+    return listing(map(repr, names), most=_NAMED)

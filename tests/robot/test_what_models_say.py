@@ -469,7 +469,7 @@ def test_angles_that_look_like_degrees_are_said_wherever_they_are_given() -> Non
 def test_joint_limits_of_a_model_without_speeds_are_said_once() -> None:
     robot = MujocoRobot(hinges('range="-170 170"'))
     posture = PostureTask(robot.neutral)
-    words = r"'joint limits' bounds no speed of 'j0', 'j1', 'j2': .* Give JointLimit\(velocity=\.\.\.\)"
+    words = r"'joint limits' bounds no speed of 'j0', 'j1' and 'j2': .* Give JointLimit\(velocity=\.\.\.\)"
     for stack in (Stack([posture], [JointLimit()]), Stack([JointLimit(), posture])):
         with pytest.warns(UserWarning, match=words) as told:
             stack.problem(robot, 0.01)
