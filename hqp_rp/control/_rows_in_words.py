@@ -8,7 +8,7 @@ from typing import Any
 from hqp_rp.control._approach import Approach
 from hqp_rp.control._displacement import DisplacementLimit
 from hqp_rp.control._native_rows import NativeLimit
-from hqp_rp.control._row_names import per_second, row_names, velocity_names, velocity_units
+from hqp_rp.control._row_names import effort_units, per_second, row_names, velocity_names, velocity_units
 from hqp_rp.control.contact import Contact
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.limit import VelocityLimit
@@ -73,9 +73,9 @@ def torque_rows_in_words(
         robot, items, counts: as of `rows_in_words`, of the limits. passive, limited: velocity indices that are not driven, and
             those with a torque limit. contacts: all of them. force_unit: N, what forces among the unknowns count in.
     """
-    names = velocity_names(robot)
-    told = [RowName("equation of motion", names[i], "N m or N", fixed=True) for i in passive]
-    told += [RowName("joint torque", names[i], "N m or N", fixed=True) for i in limited]
+    names, efforts = velocity_names(robot), effort_units(robot)
+    told = [RowName("equation of motion", names[i], efforts[i], fixed=True) for i in passive]
+    told += [RowName("joint torque", names[i], efforts[i], fixed=True) for i in limited]
     force = "N" if force_unit == 1.0 else f"x {force_unit:g} N"  # rows on f / force_unit
     for contact in contacts:
         faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
@@ -101,5 +101,6 @@ def _units(item: Any, robot: Robot, count: int, of_velocities: bool) -> list[str
         units = velocity_units(robot) if count == robot.nv else units
     elif own is not None:
         units = [*own(robot), *units][:count]
-    # Rows on v are rows on v-dot after a division by dt.
-    return units if of_velocities else [per_second(unit) for unit in units]
+    # Rows on v are rows on v-dot after a division by dt, where they did not bound accelerations all along.
+    as_they_are = of_velocities or getattr(item, "bounds_accelerations", False)
+    return units if as_they_are else [per_second(unit) for unit in units]

@@ -40,6 +40,8 @@ class AccelerationStack(Stack):
         v = v + dt * a
         q = robot.integrate(q, v, dt)
 
+    A `TorqueLimit`, whose G is M / dt, has its rows times dt: M v-dot, in N m.
+
     Gains are those of the tasks: `kp`, `kd`, by default gain^2 and 2 gain. Any solver takes the problem: the recursions of
     reverse priority and of null-space priority are the same at this level, and so is saturation in the null space.
 

@@ -26,7 +26,8 @@ class Limit(Protocol):
     In a stack a limit is hard (`Stack(limits=[...])`) or soft at the level it is listed in. Anything with a `name` and a
     `rows` is a limit; one that also has `frames` has them checked when a stack first meets a robot, and the rows of one that
     has `row_names(robot)`, a string for each row, go by these names in `Solution.conflict`, with the unit that its attribute
-    `row_unit` says, such as "m/s".
+    `row_unit` says, such as "m/s", or its `row_units(robot)` of each. An `AccelerationStack` takes times dt the rows of one
+    whose attribute `bounds_accelerations` is true, as that of `TorqueLimit`.
     """
 
     @property
