@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from hqp_rp.control._displacement import DisplacementLimit
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control.joint_coupling import JointCoupling
@@ -55,6 +57,16 @@ def warn_of_hard_torques(hard: Sequence[Any]) -> None:
         warn_of_brakes(unbraked)
 
 
+def warn_of_hard_torques_on(hard: Sequence[Any], robot: Robot) -> None:
+    """The same once the robot is known, where it was not said before: joints that lack the brakes which others are given."""
+    torques = [item.limited(robot) for item in hard if isinstance(item, TorqueLimit)]
+    if not torques or at_once(hard) is not None:
+        return
+    found = at_once_on(hard, robot, np.concatenate(torques))
+    if found is not None:
+        warn_of_brakes(*found)
+
+
 def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
     """What the model says of its joints and no item holds is said, in one warning."""
     told = []
@@ -83,11 +95,12 @@ def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
 
 
 def warn_of_speeds(items: Sequence[Any], robot: Robot) -> None:
-    """Joint limits that take speeds from a model that says none."""
-    if any(isinstance(item, VelocityLimit | DisplacementLimit) for item in items):
-        return
+    """Joint limits that take speeds from a model that says none, which no other item bounds."""
     for item in items:
         loose = item.unlimited_speeds(robot) if isinstance(item, JointLimit) else []
+        if loose:
+            bounded = {name for other in items for name in _bounded_speeds(other, robot)}
+            loose = [name for name in loose if name not in bounded]
         if loose:
             warn(
                 f"{item.name!r} bounds no speed of {_quoted(loose)}: the robot's model says no velocity limits, and none "
@@ -95,6 +108,14 @@ def warn_of_speeds(items: Sequence[Any], robot: Robot) -> None:
                 "JointLimit(velocity=np.inf) where none is what you mean."
             )
             return
+
+
+def _bounded_speeds(item: Any, robot: Robot) -> list[str]:
+    """The joints whose speed, or what it changes by in a step, an item bounds wherever they are: what bounds positions, an
+    obstacle or a frame does not."""
+    if isinstance(item, JointLimit | VelocityLimit | DisplacementLimit):
+        return item.bounded_speeds(robot)
+    return item.row_names(robot) if isinstance(item, LockedJoints) else []
 
 
 def _quoted(names: Sequence[str]) -> str:

@@ -75,6 +75,14 @@ class VelocityLimit(NativeLimit):
         """The joints, one for each velocity."""
         return velocity_names(robot)
 
+    def bounded_speeds(self, robot: Robot) -> list[str]:
+        """The joints whose velocity is bounded on this robot."""
+        limit, names = (
+            per_joint(self._limit, robot.velocity_limit, robot, f"limit {self._name!r}"),
+            velocity_names(robot),
+        )
+        return [names[i] for i in np.flatnonzero(limit < np.inf)]
+
     def bound_causes(
         self, robot: Robot, dt: float, v: FloatArray | None, lower: FloatArray, upper: FloatArray
     ) -> list[tuple[str, str]]:

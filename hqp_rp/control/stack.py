@@ -17,7 +17,12 @@ from hqp_rp.control._refusal import outline
 from hqp_rp.control._rows_in_words import rows_in_words
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
-from hqp_rp.control._stack_warnings import warn_of_couplings, warn_of_hard_torques, warn_of_speeds
+from hqp_rp.control._stack_warnings import (
+    warn_of_couplings,
+    warn_of_hard_torques,
+    warn_of_hard_torques_on,
+    warn_of_speeds,
+)
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.limit import Limit, VelocityLimit
 from hqp_rp.control.task import FeedbackTask, Task
@@ -72,7 +77,7 @@ class Stack:
 
     Warns:
         UserWarning: a hard `TorqueLimit` beside a hard `JointLimit` without an acceleration, which asks for stops within one
-            step.
+            step; where some joints have one, when the stack first meets a robot on which others have not.
     """
 
     __slots__ = (
@@ -392,6 +397,7 @@ class Stack:
         items = [item for _, item in (*self._hard, *self._items)]
         warn_of_couplings(items, robot)
         warn_of_speeds(items, robot)
+        warn_of_hard_torques_on([item for _, item in self._hard], robot)
         two_sided = self._two_sided or bool(self._hard)
         self._rows = rows = self._rows_on(robot, two_sided)
         self._count(rows)

@@ -93,6 +93,12 @@ class TorqueLimit:
         names = velocity_names(robot)
         return [names[i] for i in self._index]
 
+    def limited(self, robot: Robot) -> IntArray:
+        """(m,) velocity indices of what is limited on this robot, as the rows stand."""
+        if robot is not self._bound:
+            self._bind(robot)
+        return self._index
+
     def row_units(self, robot: Robot) -> list[str]:
         """N m, or N of what slides."""
         if robot is not self._bound:
