@@ -76,8 +76,8 @@ class HumanoidStandReach(Scenario):
     Args:
         duration: s. period: s between two solves. substeps: simulation steps in one.
         friction: of floor and controller alike, > 0. reach: m. push: N, forwards at the pelvis for 0.1 s.
-        acceleration: rad/s^2, of the joint box. hand_damping: c >= 0 of `ErrorDamping(c)` of the hand's level, 0 for
-            none: a target out of reach is one that a strict level throws the robot over for.
+        acceleration: rad/s^2, of the joint box. hand_damping: c >= 0, m s^2, of `ErrorDamping(c, power=1)` of the hand's level,
+            0 for none: a target out of reach is one that a strict level throws the robot over for.
 
     Seeds other than 0 turn the push by a random angle and vary reach and push by a tenth.
 
@@ -107,7 +107,7 @@ class HumanoidStandReach(Scenario):
     reach: float = 0.9
     push: float = 80.0
     acceleration: float = 150.0
-    hand_damping: float = 0.01
+    hand_damping: float = 0.003
 
     def __post_init__(self) -> None:
         for name in ("duration", "period", "friction", "acceleration"):
@@ -245,13 +245,14 @@ class _Run:
         most = np.concatenate([np.full(6, np.inf), np.full(robot.nv - 6, scenario.acceleration)])
         efforts = {name: value for name, value in jvrc_efforts().items() if name in robot.joint_names}
         self.limit = np.array([efforts.get(name, np.inf) for name in robot.joint_names[1:]])
+        hand_damping = ErrorDamping(scenario.hand_damping, power=1) if scenario.hand_damping else None
         self.stack = TorqueStack(
             [self.balance, self.foot, self.hand, self.torso, [self.posture, forces]],
             [JointLimit(acceleration=most)],
             contacts=self.contacts,
             torque=efforts,
             names=["balance", "swing foot", "hand", "torso", "posture"],
-            damping=[None, None, ErrorDamping(scenario.hand_damping) if scenario.hand_damping else None, None, None],
+            damping=[None, None, hand_damping, None, None],
         )
         robot.data.qpos[:] = robot.neutral
         self._was_open = False

@@ -115,7 +115,10 @@ class AccelerationRows(StackRows):
             if kind == LIMIT:
                 assert dt is not None
                 along = A @ velocity
-                made.append((k, A, (lower - along) / dt, (upper - along) / dt))
+                if getattr(item, "bounds_accelerations", False):
+                    made.append((k, A * dt, lower - along, upper - along))
+                else:
+                    made.append((k, A, (lower - along) / dt, (upper - along) / dt))
                 continue
             bias = self._stated_bias(item, len(lower))
             rate = self._wanted(item, A @ velocity, lower)

@@ -181,6 +181,13 @@ class DisplacementLimit(_Adapter, ABC):
         names = [names[i] for i in indices if i < len(names)]
         return [*names, *(f"-{name}" for name in names)]
 
+    def bounded_speeds(self, robot: Robot) -> list[str]:
+        """The joints whose velocity, or its change in a step, it bounds wherever they are: a limit on positions does not."""
+        kinds = [kind.__name__ for kind in type(self._item).__mro__ if kind.__module__.startswith(_LIMITS)]
+        if not {"VelocityLimit", "AccelerationLimit"} & set(kinds):
+            return []
+        return [name for name in self.row_names(robot) if not name.startswith("-")]
+
     @abstractmethod
     def _inequalities(self, configuration: Any, dt: float) -> tuple[Any, Any] | None:
         """G and h of `G dq <= h`, or None."""

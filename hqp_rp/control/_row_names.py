@@ -29,22 +29,35 @@ def velocity_names(robot: Robot) -> list[str]:
 
 
 def velocity_units(robot: Robot) -> list[str]:
-    """The unit of each velocity: "rad/s" or "m/s" where the model tells hinges from slides, else "rad/s or m/s"."""
+    """The unit of each velocity: "rad/s" or "m/s" where the model tells turning from sliding, else "rad/s or m/s"."""
     units = _units_of(getattr(robot, "model", None))
     return units if len(units) == robot.nv else ["rad/s or m/s"] * robot.nv
 
 
 def _units_of(model: Any) -> list[str]:
-    """What a model of MuJoCo or Pinocchio tells of its velocities; nothing where it does not tell hinges from slides."""
+    """What a model of MuJoCo or Pinocchio tells of its velocities; nothing where it is neither."""
     kinds = getattr(model, "jnt_type", None)
     if kinds is not None:  # free, ball, slide, hinge
         units = (["m/s"] * 3 + ["rad/s"] * 3, ["rad/s"] * 3, ["m/s"], ["rad/s"])
         return [unit for kind in kinds.tolist() for unit in units[kind]]
-    # Pinocchio's joints by the first letter of what they are
-    joints = [joint.shortname() for joint in list(getattr(model, "joints", ()))[1:] if hasattr(joint, "shortname")]
-    if any(not name.startswith(("JointModelR", "JointModelP")) or "Planar" in name for name in joints):
-        return []
-    return ["m/s" if name.startswith("JointModelP") else "rad/s" for name in joints]
+    return [unit for joint in list(getattr(model, "joints", ()))[1:] for unit in _units_of_joint(joint)]
+
+
+def _units_of_joint(joint: Any) -> list[str]:
+    """The unit of each velocity of a joint of Pinocchio."""
+    kind = str(joint.shortname()).removeprefix("JointModel") if hasattr(joint, "shortname") else ""
+    count = int(getattr(joint, "nv", 0))
+    linear = {"FreeFlyer": 3, "Planar": 2, "Translation": 3}  # of these the first so many
+    if kind not in linear and not kind.startswith(("Prismatic", "PX", "PY", "PZ", "R", "H", "Spherical", "Universal")):
+        return ["rad/s or m/s"] * count
+    first = linear.get(kind, count if kind.startswith("P") else 0)
+    return ["m/s" if i < first else "rad/s" for i in range(count)]
+
+
+def effort_units(robot: Robot) -> list[str]:
+    """The unit of the generalized force along each velocity: "N m", "N", or "N m or N" where the model does not tell."""
+    efforts = {"rad/s": "N m", "m/s": "N"}
+    return [efforts.get(unit, "N m or N") for unit in velocity_units(robot)]
 
 
 def per_second(unit: str) -> str:

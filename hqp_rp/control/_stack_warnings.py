@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from hqp_rp.control._displacement import DisplacementLimit
 from hqp_rp.control._row_names import velocity_names
 from hqp_rp.control.joint_coupling import JointCoupling
@@ -15,6 +17,7 @@ from hqp_rp.control.locked_joints import LockedJoints
 from hqp_rp.control.torque_limit import TorqueLimit
 from hqp_rp.core.problem import IntArray
 from hqp_rp.core.warned import warn
+from hqp_rp.core.words import listing
 from hqp_rp.robot.robot import Robot
 
 _NAMED = 5
@@ -39,7 +42,7 @@ def at_once_on(limits: Iterable[Any], robot: Robot, limited: IntArray) -> tuple[
 
 def warn_of_brakes(limit: JointLimit, joints: Sequence[str] = ()) -> None:
     """Say that this limit asks more than limited torques may give; joints: whose, where that is known."""
-    whose = _listed(joints) if joints else "joints"
+    whose = _quoted(joints) if joints else "joints"
     warn(
         f"{limit.name!r} asks {whose} to stop at a position limit, or to come back to it, within one step, and their torques "
         "are limited: where they cannot, the problem is INFEASIBLE at every step, at rest too. Give "
@@ -52,6 +55,16 @@ def warn_of_hard_torques(hard: Sequence[Any]) -> None:
     unbraked = at_once(hard) if any(isinstance(item, TorqueLimit) for item in hard) else None
     if unbraked is not None:
         warn_of_brakes(unbraked)
+
+
+def warn_of_hard_torques_on(hard: Sequence[Any], robot: Robot) -> None:
+    """The same once the robot is known, where it was not said before: joints that lack the brakes which others are given."""
+    torques = [item.limited(robot) for item in hard if isinstance(item, TorqueLimit)]
+    if not torques or at_once(hard) is not None:
+        return
+    found = at_once_on(hard, robot, np.concatenate(torques))
+    if found is not None:
+        warn_of_brakes(*found)
 
 
 def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
@@ -68,13 +81,13 @@ def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
     ]
     if loose:
         told.append(
-            f"The robot's model says that the joints {_listed(loose)} follow others, which this stack does not hold; add "
+            f"The robot's model says that the joints {_quoted(loose)} follow others, which this stack does not hold; add "
             "JointCoupling() to its limits."
         )
     loops = getattr(robot, "loops", ())
     if loops:
         told.append(
-            f"The robot's model has the equality constraints {_listed(loops)} (loops), which no stack holds: the answers "
+            f"The robot's model has the equality constraints {_quoted(loops)} (loops), which no stack holds: the answers "
             "may break them."
         )
     if told:
@@ -82,19 +95,28 @@ def warn_of_couplings(items: Sequence[Any], robot: Robot) -> None:
 
 
 def warn_of_speeds(items: Sequence[Any], robot: Robot) -> None:
-    """Joint limits that take speeds from a model that says none."""
-    if any(isinstance(item, VelocityLimit | DisplacementLimit) for item in items):
-        return
+    """Joint limits that take speeds from a model that says none, which no other item bounds."""
     for item in items:
         loose = item.unlimited_speeds(robot) if isinstance(item, JointLimit) else []
         if loose:
+            bounded = {name for other in items for name in _bounded_speeds(other, robot)}
+            loose = [name for name in loose if name not in bounded]
+        if loose:
             warn(
-                f"{item.name!r} bounds no speed of {_listed(loose)}: the robot's model says no velocity limits, and none "
+                f"{item.name!r} bounds no speed of {_quoted(loose)}: the robot's model says no velocity limits, and none "
                 "are given. Give JointLimit(velocity=...), or velocity_limit=... when the robot is loaded; "
                 "JointLimit(velocity=np.inf) where none is what you mean."
             )
             return
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(map(repr, names[:_NAMED])) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+def _bounded_speeds(item: Any, robot: Robot) -> list[str]:
+    """The joints whose speed, or what it changes by in a step, an item bounds wherever they are: what bounds positions, an
+    obstacle or a frame does not."""
+    if isinstance(item, JointLimit | VelocityLimit | DisplacementLimit):
+        return item.bounded_speeds(robot)
+    return item.row_names(robot) if isinstance(item, LockedJoints) else []
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return listing(map(repr, names), most=_NAMED)

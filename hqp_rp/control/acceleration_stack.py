@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._acceleration_rows import AccelerationRows
 from hqp_rp.control._checks import positive_number
 from hqp_rp.control._displacement import DisplacementTask
-from hqp_rp.control._row_names import per_second
 from hqp_rp.control._stack_metric import StackMetric
 from hqp_rp.control._stack_rows import StackRows
 from hqp_rp.control.limit import Limit
@@ -40,6 +39,8 @@ class AccelerationStack(Stack):
         a = hqp_rp.solve(stack.problem(robot, dt, v), solver).require()
         v = v + dt * a
         q = robot.integrate(q, v, dt)
+
+    A `TorqueLimit`, whose G is M / dt, has its rows times dt: M v-dot, in N m.
 
     Gains are those of the tasks: `kp`, `kd`, by default gain^2 and 2 gain. Any solver takes the problem: the recursions of
     reverse priority and of null-space priority are the same at this level, and so is saturation in the null space.
@@ -151,10 +152,6 @@ class AccelerationStack(Stack):
     ) -> tuple[LevelDamping | None, ...] | None:
         """The `lm_damping` of mink and pink is one of displacements, and not taken over."""
         return self._policies
-
-    def _row_unit(self, item: Any) -> str:
-        """Rows on v are rows on v-dot after a division by dt."""
-        return per_second(super()._row_unit(item))
 
     def _rows_on(self, robot: Robot, two_sided: bool) -> StackRows:
         return AccelerationRows((*self._hard, *self._items), robot, two_sided, self._where, kd=self._kd)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from hqp_rp.control._checks import joint_indices
 from hqp_rp.control._coordinates import plain_coordinates
+from hqp_rp.control._row_names import velocity_units
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.coupling import Coupling
@@ -35,8 +36,6 @@ class JointCoupling:
     """
 
     __slots__ = ("_bound", "_couplings", "_gain", "_name", "_resolved")
-
-    row_unit: ClassVar[str] = "rad/s or m/s"
 
     def __init__(
         self,
@@ -84,6 +83,13 @@ class JointCoupling:
         if robot is not self._bound:
             self._bind(robot)
         return [f"{coupling.joint} after {coupling.source}" for *_, coupling in self._resolved]
+
+    def row_units(self, robot: Robot) -> list[str]:
+        """Of the joints that follow: rad/s, or m/s of what slides."""
+        if robot is not self._bound:
+            self._bind(robot)
+        units = velocity_units(robot)
+        return [units[own] for own, *_ in self._resolved]
 
     def _bind(self, robot: Robot) -> None:
         owner = f"limit {self._name!r}"

@@ -71,7 +71,8 @@ class JointLimit(NativeLimit):
     Args:
         position: whether the robot's position limits count; where infinite, there is none.
         velocity: V, rad/s or m/s: as `limit` of `VelocityLimit`; None takes the robot's own; where the model has none (an MJCF
-            says none), a stack warns, unless accelerations or jerks are limited or a `VelocityLimit` stands beside it.
+            says none), a stack warns, unless accelerations or jerks are limited, or what stands beside it bounds the speeds: a
+            `VelocityLimit`, mink's or pink's own limits on velocities or accelerations, or `LockedJoints`.
         acceleration: A, rad/s^2 or m/s^2: one number, (nv,) numbers, a mapping from joint name to number (none for the
             others), or None for no limit. Needs the velocity before the step: `stack.problem(robot, dt, v)`.
         jerk: J, rad/s^3 or m/s^3, as `acceleration`, with it or without. Needs the acceleration before the step as well, u'':
@@ -145,6 +146,14 @@ class JointLimit(NativeLimit):
         names = velocity_names(robot)
         return [names[i] for i in np.flatnonzero(single & driven & np.isinf(robot.velocity_limit))]
 
+    def bounded_speeds(self, robot: Robot) -> list[str]:
+        """The joints whose velocity, acceleration or jerk is bounded on this robot."""
+        owner = f"limit {self._name!r}"
+        unlimited, names = np.full(robot.nv, math.inf), velocity_names(robot)
+        bounds = (self._velocity, robot.velocity_limit), (self._acceleration, unlimited), (self._jerk, unlimited)
+        least = np.min([per_joint(given, default, robot, owner) for given, default in bounds], axis=0)
+        return [names[i] for i in np.flatnonzero(least < math.inf)]
+
     @property
     def stops_at_once(self) -> bool:
         """Whether a joint may be asked to stop, or to come back, within one step: position limits, no acceleration, no jerk."""
@@ -152,11 +161,13 @@ class JointLimit(NativeLimit):
 
     def stopped_at_once(self, robot: Robot) -> IntArray:
         """Velocity indices that have position limits, and neither acceleration nor jerk bounded."""
-        if not self._position or self._jerk is not None:
+        if not self._position:
             return np.zeros(0, dtype=np.int64)
-        acceleration = per_joint(self._acceleration, np.full(robot.nv, math.inf), robot, f"limit {self._name!r}")
+        owner, unlimited = f"limit {self._name!r}", np.full(robot.nv, math.inf)
+        acceleration = per_joint(self._acceleration, unlimited, robot, owner)
+        jerk = per_joint(self._jerk, unlimited, robot, owner)
         limited = np.isfinite(robot.lower) | np.isfinite(robot.upper)
-        return np.flatnonzero(limited & np.isinf(acceleration))
+        return np.flatnonzero(limited & np.isinf(acceleration) & np.isinf(jerk))
 
     def row_names(self, robot: Robot) -> list[str]:
         """The joints, one for each velocity."""

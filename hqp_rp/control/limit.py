@@ -26,7 +26,8 @@ class Limit(Protocol):
     In a stack a limit is hard (`Stack(limits=[...])`) or soft at the level it is listed in. Anything with a `name` and a
     `rows` is a limit; one that also has `frames` has them checked when a stack first meets a robot, and the rows of one that
     has `row_names(robot)`, a string for each row, go by these names in `Solution.conflict`, with the unit that its attribute
-    `row_unit` says, such as "m/s".
+    `row_unit` says, such as "m/s", or its `row_units(robot)` of each. An `AccelerationStack` takes times dt the rows of one
+    whose attribute `bounds_accelerations` is true, as that of `TorqueLimit`.
     """
 
     @property
@@ -73,6 +74,14 @@ class VelocityLimit(NativeLimit):
     def row_names(self, robot: Robot) -> list[str]:
         """The joints, one for each velocity."""
         return velocity_names(robot)
+
+    def bounded_speeds(self, robot: Robot) -> list[str]:
+        """The joints whose velocity is bounded on this robot."""
+        limit, names = (
+            per_joint(self._limit, robot.velocity_limit, robot, f"limit {self._name!r}"),
+            velocity_names(robot),
+        )
+        return [names[i] for i in np.flatnonzero(limit < np.inf)]
 
     def bound_causes(
         self, robot: Robot, dt: float, v: FloatArray | None, lower: FloatArray, upper: FloatArray

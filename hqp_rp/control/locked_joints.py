@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
 from hqp_rp.control._checks import driven_indices, joint_indices
-from hqp_rp.control._row_names import velocity_names
+from hqp_rp.control._row_names import velocity_names, velocity_units
 from hqp_rp.core.errors import SettingError
 from hqp_rp.core.problem import FloatArray
 from hqp_rp.robot.robot import Robot
@@ -28,8 +27,6 @@ class LockedJoints:
     """
 
     __slots__ = ("_all_but", "_bound", "_joints", "_locked", "_name")
-
-    row_unit: ClassVar[str] = "rad/s or m/s"
 
     def __init__(
         self,
@@ -70,6 +67,13 @@ class LockedJoints:
             self._bind(robot)
         names = velocity_names(robot)
         return [names[i] for i in self._locked]
+
+    def row_units(self, robot: Robot) -> list[str]:
+        """rad/s, or m/s of what slides."""
+        if robot is not self._bound:
+            self._bind(robot)
+        units = velocity_units(robot)
+        return [units[i] for i in self._locked]
 
     def _bind(self, robot: Robot) -> None:
         named = self._joints if self._joints is not None else self._all_but

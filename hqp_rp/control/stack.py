@@ -6,27 +6,30 @@ import functools
 import importlib
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._approach import Approach
 from hqp_rp.control._checks import check_frames, checked_motion, positive_number
-from hqp_rp.control._displacement import Configurations, DisplacementLimit, DisplacementTask, library_of
-from hqp_rp.control._native_rows import NativeLimit
+from hqp_rp.control._displacement import Configurations, DisplacementTask, library_of
 from hqp_rp.control._refusal import outline
-from hqp_rp.control._row_names import per_second, row_names, velocity_units
+from hqp_rp.control._rows_in_words import rows_in_words
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_rows import DISPLACEMENT_TASK, LIMIT, TASK, StackRows
-from hqp_rp.control._stack_warnings import warn_of_couplings, warn_of_hard_torques, warn_of_speeds
+from hqp_rp.control._stack_warnings import (
+    warn_of_couplings,
+    warn_of_hard_torques,
+    warn_of_hard_torques_on,
+    warn_of_speeds,
+)
 from hqp_rp.control.joint_limit import JointLimit
 from hqp_rp.control.limit import Limit, VelocityLimit
 from hqp_rp.control.task import FeedbackTask, Task
 from hqp_rp.core.damping import ConstantDamping, LevelDamping, checked_level_damping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
-from hqp_rp.core.row_names import LEVEL_ROW_NAMES, ROW_NAMES, RowName
+from hqp_rp.core.row_names import LEVEL_ROW_NAMES, ROW_NAMES
 from hqp_rp.core.warned import warn
 from hqp_rp.robot.robot import Robot
 
@@ -35,15 +38,6 @@ Item: TypeAlias = Any
 
 _LONG = 1.0  # s: what no control loop waits
 _MEANT = "a Task, a Limit, or a task or limit of mink or pink"
-
-
-class _Bounds(NamedTuple):
-    """lower and upper (M,) of rows made for a step of dt from the velocity v (nv,)."""
-
-    dt: float
-    v: FloatArray | None
-    lower: FloatArray
-    upper: FloatArray
 
 
 class Stack:
@@ -82,7 +76,7 @@ class Stack:
 
     Warns:
         UserWarning: a hard `TorqueLimit` beside a hard `JointLimit` without an acceleration, which asks for stops within one
-            step.
+            step; where some joints have one, when the stack first meets a robot on which others have not.
     """
 
     __slots__ = (
@@ -93,6 +87,7 @@ class Stack:
         "_dt",
         "_ends",
         "_hard",
+        "_hard_rows",
         "_items",
         "_levels",
         "_limits",
@@ -102,6 +97,7 @@ class Stack:
         "_offsets",
         "_policies",
         "_rows",
+        "_tells_causes",
         "_two_sided",
     )
 
@@ -139,6 +135,8 @@ class Stack:
             if kind == DISPLACEMENT_TASK and self._damping[k] is None
         ]
         self._names = _level_names(names, adapted)
+        boxes = any(isinstance(item, JointLimit | VelocityLimit) for _, item in self._hard)
+        self._tells_causes = self._of_velocities and boxes
         self._needs_dt = any(kind != TASK for kind, _ in (*self._items, *self._hard))
         self._two_sided = any(kind == LIMIT for kind, _ in self._items)
         self._rows: StackRows | None = None
@@ -146,6 +144,7 @@ class Stack:
         # Of the levels, and of the levels below the hard rows; how many of these there are.
         self._counts: list[int] = []
         self._offsets = (np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
+        self._hard_rows = 0
 
     @property
     def levels(self) -> tuple[tuple[Item, ...], ...]:
@@ -208,23 +207,26 @@ class Stack:
             dt = self._checked_dt(dt)
         velocity = None if v is None else checked_motion(v, robot, "v", "rad/s or m/s")
         matrix, lower, upper, damping = self._filled(rows, robot, dt, velocity, a)
-        offsets, below = self._offsets
+        offsets, hard_rows = self._offsets[0], self._hard_rows
         metric = self._metric.on(robot)
-        problem = Problem.from_rows(
-            matrix, lower, upper, offsets, self._names, int(below[1]), not self._two_sided, damping, metric
-        )
+        kept: dict[str, Any] | None = None
         if self._hard:
-            counts = rows.counts
-            bounds = None
-            if dt is not None:
-                bounds = _Bounds(dt, None if velocity is None else velocity.copy(), lower, upper)
-            problem.kept = {ROW_NAMES: functools.partial(self._stated_rows, robot, counts, self._hard, bounds)}
-            if not problem.hard_rows:  # limits without a row at present
-                problem.kept["hard"] = Level(np.zeros((0, robot.nv)), [], [], name="limits")
+            # What names them, and what made their bounds, is asked for later: of this robot and this step.
+            named = robot, self._hard, rows.counts, self._of_velocities
+            if self._tells_causes and dt is not None:
+                before = None if velocity is None else velocity.copy()
+                kept = {ROW_NAMES: functools.partial(rows_in_words, *named, dt, before, lower, upper)}
+            else:
+                kept = {ROW_NAMES: functools.partial(rows_in_words, *named)}
+            if not hard_rows:  # limits without a row at present
+                kept["hard"] = Level(np.zeros((0, robot.nv)), [], [], name="limits")
         if self._two_sided:
-            stated = functools.partial(self._stated_rows, robot, rows.counts[len(self._hard) :], self._items)
-            problem.kept = {**(problem.kept or {}), LEVEL_ROW_NAMES: stated}
-        return problem
+            counts = rows.counts[len(self._hard) :]
+            stated = functools.partial(rows_in_words, robot, self._items, counts, self._of_velocities)
+            kept = {**(kept or {}), LEVEL_ROW_NAMES: stated}
+        return Problem.from_rows(
+            matrix, lower, upper, offsets, self._names, hard_rows, not self._two_sided, damping, metric, kept
+        )
 
     def _filled(
         self, rows: StackRows, robot: Robot, dt: float | None, v: FloatArray | None, a: ArrayLike | None
@@ -357,7 +359,7 @@ class Stack:
         ends = np.cumsum([0, *rows.counts])
         below = ends[[0, len(self._hard), *(len(self._hard) + end for end in self._ends)]]
         self._offsets = (below[1:] - below[1], below)
-        self._counts = rows.counts
+        self._hard_rows, self._counts = int(below[1]), rows.counts
 
     def _outline(self, n: int) -> Problem:
         """What is known of every problem of this stack before there is a robot, as a problem of n unknowns."""
@@ -393,6 +395,7 @@ class Stack:
         items = [item for _, item in (*self._hard, *self._items)]
         warn_of_couplings(items, robot)
         warn_of_speeds(items, robot)
+        warn_of_hard_torques_on([item for _, item in self._hard], robot)
         two_sided = self._two_sided or bool(self._hard)
         self._rows = rows = self._rows_on(robot, two_sided)
         self._count(rows)
@@ -400,59 +403,6 @@ class Stack:
 
     def _rows_on(self, robot: Robot, two_sided: bool) -> StackRows:
         return StackRows((*self._hard, *self._items), robot, two_sided, self._where)
-
-    def _named_rows(self, robot: Robot, counts: Sequence[int]) -> list[RowName]:
-        """Each hard row in words; limits that share a name are told apart by a number."""
-        return self._stated_rows(robot, counts, self._hard)
-
-    def _stated_rows(
-        self,
-        robot: Robot,
-        counts: Sequence[int],
-        items: Sequence[tuple[int, Any]],
-        bounds: _Bounds | None = None,
-    ) -> list[RowName]:
-        """The rows of these items in words; items that share a name are told apart by a number.
-
-        bounds: of these rows, and the step that they were made for, to tell what made them; None where nobody needs that.
-        """
-        names = [str(item.name) for _, item in items]
-        names = [
-            f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name for i, name in enumerate(names)
-        ]
-        told, at = [], 0
-        for name, (_, item), count in zip(names, items, counts, strict=False):
-            units = [self._row_unit(item)] * count
-            if isinstance(item, NativeLimit) and count == robot.nv:
-                units = velocity_units(robot)
-            own_units = getattr(item, "row_units", None)
-            if own_units is not None and not isinstance(item, NativeLimit):
-                units = [*own_units(robot), *[""] * count][:count]
-            if not self._of_velocities and (isinstance(item, NativeLimit) or own_units is not None):
-                units = [per_second(unit) for unit in units]
-            causes = [("", "")] * count
-            boxed = count == robot.nv and self._of_velocities
-            if isinstance(item, JointLimit | VelocityLimit) and boxed and bounds is not None:
-                part = slice(at, at + count)
-                causes = item.bound_causes(robot, bounds.dt, bounds.v, bounds.lower[part], bounds.upper[part])
-            approach = getattr(item, "_approach", None)
-            brakes, returns = (
-                (approach.brakes(name), approach.returns(name)) if isinstance(approach, Approach) else ("", "")
-            )
-            keep = isinstance(item, NativeLimit) or (
-                isinstance(item, DisplacementLimit) and bool(item.row_names(robot))
-            )
-            for i, row in enumerate(row_names(item, robot, count)):
-                turned = isinstance(item, DisplacementLimit) and row.startswith("-")
-                row = row[1:] if turned else row
-                lower_from, upper_from = causes[i]
-                told.append(RowName(name, row, units[i], lower_from, upper_from, brakes, returns, keep, turned))
-            at += count
-        return told
-
-    def _row_unit(self, item: Any) -> str:
-        """The unit of a limit's rows, "" where it does not say."""
-        return str(getattr(item, "row_unit", ""))
 
     def _places(self) -> Iterator[tuple[str, Any]]:
         level = 0

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hqp_rp.control._row_names import velocity_names
+from hqp_rp.control._row_names import effort_units, velocity_names
 from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
 from hqp_rp.core.errors import RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray
@@ -50,7 +50,8 @@ class TorqueLimit:
 
     __slots__ = ("_bound", "_coriolis", "_gravity", "_index", "_limit", "_name", "_torque")
 
-    row_unit: ClassVar[str] = "N m or N"
+    bounds_accelerations: ClassVar[bool] = True
+    """Whether rows on v bound what changes it: an `AccelerationStack` takes them times dt, here M v-dot in N m."""
 
     def __init__(
         self, limit: PerJoint, *, gravity: bool = True, coriolis: bool = True, name: str = "joint torque"
@@ -91,6 +92,19 @@ class TorqueLimit:
             self._bind(robot)
         names = velocity_names(robot)
         return [names[i] for i in self._index]
+
+    def limited(self, robot: Robot) -> IntArray:
+        """(m,) velocity indices of what is limited on this robot, as the rows stand."""
+        if robot is not self._bound:
+            self._bind(robot)
+        return self._index
+
+    def row_units(self, robot: Robot) -> list[str]:
+        """N m, or N of what slides."""
+        if robot is not self._bound:
+            self._bind(robot)
+        units = effort_units(robot)
+        return [units[i] for i in self._index]
 
     def torque(self, robot: Robot, dt: float, v: FloatArray, new_v: FloatArray) -> FloatArray:
         """(nv,) N m: tau of the step from velocity v to `new_v`, both (nv,), at the robot's configuration."""

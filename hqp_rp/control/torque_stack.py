@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import warnings
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 from hqp_rp.control._checks import check_frames, checked_motion, finite_vector, positive_number
 from hqp_rp.control._contact_rows import ContactRows
 from hqp_rp.control._refusal import outline
-from hqp_rp.control._row_names import velocity_names
+from hqp_rp.control._rows_in_words import torque_rows_in_words
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_warnings import at_once, at_once_on, warn_of_brakes
 from hqp_rp.control.acceleration_stack import AccelerationStack
@@ -27,7 +28,7 @@ from hqp_rp.core import _native
 from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.errors import ProblemError, RobotError, SettingError
 from hqp_rp.core.problem import FloatArray, IntArray, Problem
-from hqp_rp.core.row_names import ROW_NAMES, RowName
+from hqp_rp.core.row_names import ROW_NAMES
 from hqp_rp.robot.dynamics import dynamics_reader
 from hqp_rp.robot.robot import Robot
 
@@ -234,7 +235,11 @@ class TorqueStack:
             A, b = self._force_rows(item, torque_map, offset)
             matrix[place] = A
             lower[place] = upper[place] = b
-        problem = Problem.from_rows(
+        degrees = self._degrees if contacts.fading else None
+        dynamics = InverseDynamics(
+            torque_map, offset, self._driven, self._limit, robot.nv, self._force_unit, jacobian, degrees
+        )
+        return Problem.from_rows(
             matrix,
             lower,
             upper,
@@ -244,14 +249,8 @@ class TorqueStack:
             not motion._two_sided,
             None if policies is None else self._policies(policies),
             self._metric_on(robot, M),
+            {_DYNAMICS: dynamics, ROW_NAMES: self._hard_names},
         )
-        degrees = self._degrees if contacts.fading else None
-        dynamics = InverseDynamics(
-            torque_map, offset, self._driven, self._limit, robot.nv, self._force_unit, jacobian, degrees
-        )
-        counts = rows.counts
-        problem.kept = {_DYNAMICS: dynamics, ROW_NAMES: lambda: self._row_names(robot, counts)}
-        return problem
 
     @property
     def _torque_is_bounded(self) -> bool:
@@ -279,6 +278,11 @@ class TorqueStack:
     def _lay_out(self) -> None:
         """Where all rows stand: hard ones, contacts, then each level's rows on accelerations and on forces."""
         self._motion_offsets = self._motion._offsets
+        rows = self._motion._rows
+        assert rows is not None
+        # Of this robot and these rows, whatever the stack meets before somebody asks.
+        hard = self._passive, self._limited, self._contacts, self._force_unit, self._motion._hard, rows.counts
+        self._hard_names = functools.partial(torque_rows_in_words, rows.robot, *hard)
         ends, below = self._motion._offsets
         contacts, counts, hard_rows = self._contact_rows, np.diff(ends).tolist(), int(below[1])
         first = len(self._passive) + len(self._limited) + len(contacts.cones)
@@ -440,21 +444,6 @@ class TorqueStack:
         self._motion_offsets = None
         self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
         self._robot = robot
-
-    def _row_names(self, robot: Robot, counts: Sequence[int]) -> list[RowName]:
-        """Each hard row in words."""
-        names = velocity_names(robot)
-        told = [RowName("equation of motion", names[i], "N m or N", fixed=True) for i in self._passive]
-        told += [RowName("joint torque", names[i], "N m or N", fixed=True) for i in self._limited]
-        force = "N" if self._force_unit == 1.0 else f"x {self._force_unit:g} N"  # rows on f / force_unit
-        for contact in self._contacts:
-            faces = [*(f"side {i + 1}" for i in range(len(contact.cone_rows()[1]) - 1)), "normal"]
-            told += [
-                RowName(contact.name, f"point {i + 1} {face}", force, fixed=True)
-                for i in range(len(contact.points))
-                for face in faces
-            ]
-        return told + self._motion._named_rows(robot, counts)
 
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = {

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hqp_rp.core.diagnostics import rounding_at_zero, row_norms
+from hqp_rp.core.diagnostics import row_norms
 from hqp_rp.core.problem import FloatArray, Problem
+from hqp_rp.core.rounding import rounding_at_zero
 from hqp_rp.core.row_names import ROW_NAMES, RowName, level_row_names, row_names
 from hqp_rp.core.tolerances import ACTIVE
 

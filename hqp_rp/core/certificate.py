@@ -18,7 +18,6 @@ from hqp_rp.core.diagnostics import (
     one_sided,
     remaining,
     require_tolerance,
-    rounding_at_zero,
     row_norms,
     times_power,
     two_norm,
@@ -28,6 +27,7 @@ from hqp_rp.core.metric import symmetric_root, with_inverse
 from hqp_rp.core.nearest_point import nearest_point
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.removable import Part, Removable, removable, removable_in_part, smaller_parts
+from hqp_rp.core.rounding import rounding_at_zero
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.tolerances import CERTIFIED, NEAR_ZERO, NEARLY_FREE, REACHED, UNEVEN
 

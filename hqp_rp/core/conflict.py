@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterable
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.row_names import RowName, row_names
 from hqp_rp.core.tolerances import MEETS
 from hqp_rp.core.verify import Contradiction, fewest_rows, proven_contradiction
+from hqp_rp.core.words import listing
 
 _SHOWN = 6
 _MANY = 6  # limits of which every set is tried
@@ -173,7 +173,7 @@ def _in_words(conflict: Conflict, named: list[RowName]) -> str:
     else:
         others = [i for i in range(len(named)) if i != k]
         groups = dict.fromkeys(named[i].group or named[i].row for i in others)
-        within = _listed([f"the other rows of {g!r}" if g == named[k].group else repr(g) for g in groups], "and")
+        within = listing([f"the other rows of {g!r}" if g == named[k].group else repr(g) for g in groups])
         told[0] += f"; within {within} {most} {possible}{unit} is possible."
         shown = [_bound_in_words(conflict, named, i) for i in others[:_SHOWN]]
         told.append(f"In the way: {'; '.join(shown)}{'; ...' if len(others) > _SHOWN else ''}.")
@@ -181,18 +181,18 @@ def _in_words(conflict: Conflict, named: list[RowName]) -> str:
     limits = [remedy for remedy in conflict.remedies if remedy not in conflict.joint_limits]
     if limits:
         told.append(
-            f"Moving {_listed(map(repr, limits), 'or')} to a level makes the rest feasible; x may then miss it."
+            f"Moving {listing(map(repr, limits), 'or')} to a level makes the rest feasible; x may then miss it."
         )
     elif conflict.together:
         alone = " but joint limits" if conflict.joint_limits else ""
         told.append(
-            f"No single limit{alone} moved to a level makes the rest feasible; {_listed(map(repr, conflict.together), 'and')} "
+            f"No single limit{alone} moved to a level makes the rest feasible; {listing(map(repr, conflict.together))} "
             "together do; x may then miss them."
         )
     elif not conflict.joint_limits:
         told.append("No single limit moved to a level makes the rest feasible.")
     if conflict.joint_limits:
-        what = _listed(map(repr, conflict.joint_limits), "or")
+        what = listing(map(repr, conflict.joint_limits), "or")
         does = "does" if limits or conflict.together else "to a level makes the rest feasible"
         told.append(f"Last of all, moving {what} {does}: x may then exceed them.")
     return " ".join(told)
@@ -213,11 +213,6 @@ def _apart(a: float, b: float) -> tuple[str, str]:
         if told[0] != told[1]:
             break
     return told
-
-
-def _listed(items: Iterable[str], last: str) -> str:
-    words = list(items)
-    return f" {last} ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
 
 
 def _fewest_limits(hard: Level, groups: list[str], kept: set[str]) -> tuple[str, ...]:

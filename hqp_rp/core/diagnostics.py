@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from hqp_rp.core.errors import ProblemError, SettingError
 from hqp_rp.core.problem import FloatArray, Level, Problem
 from hqp_rp.core.solver import RANK_TOLERANCE
-from hqp_rp.core.tolerances import ACTIVE, NEAR_ZERO, PULLS_CANCEL, RANK
-
-_EPS = float(np.finfo(np.float64).eps)
+from hqp_rp.core.tolerances import ACTIVE
 
 ACTIVE_TOLERANCE = ACTIVE
 """A row counts as active at x within this times `||a_i|| ||x|| + |bound_i|` of its bound."""
@@ -27,15 +25,18 @@ class Singularity(enum.Enum):
 
     NONE = "The level keeps full rank beside the levels before it."
     PARTLY_USED_UP = (
-        "The levels before it leave less freedom than the level has rows; it gets all that is left (no singularity)."
+        "The levels before it, and hard equalities, leave less freedom than the level has rows; it gets all that is left (no "
+        "singularity)."
     )
     LIMITED = (
-        "Active limits, hard rows or inequality rows of the levels before it, use up freedom that the level needs; beside the "
-        "levels alone it keeps its rank (no singularity)."
+        "Active limits, hard inequality rows or those of the levels before it, use up freedom that the level needs; beside "
+        "equalities alone it keeps its rank (no singularity)."
     )
     KINEMATIC = "The level's own rows are dependent (kinematic singularity)."
-    ALGORITHMIC = "The level's rows depend on rows of the levels before it (algorithmic singularity)."
-    BOTH = "The level's own rows are dependent, and they depend on rows of the levels before it."
+    ALGORITHMIC = (
+        "The level's rows depend on rows of the levels before it, or on hard equalities (algorithmic singularity)."
+    )
+    BOTH = "The level's own rows are dependent, and they depend on rows of the levels before it, or on hard equalities."
 
     @classmethod
     def of(cls, rank: int, own_rank: int, full: int, free: int) -> Singularity:
@@ -48,7 +49,7 @@ class Singularity(enum.Enum):
         return cls.PARTLY_USED_UP if rank < own_rank else cls.NONE
 
     def beside_limits(self, alone: Singularity) -> Singularity:
-        """The kind of a level beside levels and limits, `self`, where it is `alone` beside the levels without the limits."""
+        """The kind of a level beside all rows before it, `self`, where it is `alone` beside the equalities among them."""
         sound = alone in (Singularity.NONE, Singularity.PARTLY_USED_UP)
         if self is Singularity.ALGORITHMIC and sound:
             return Singularity.LIMITED
@@ -68,8 +69,9 @@ class Spectrum:
         singularity: `KINEMATIC` when own_rank < min(m, n); `ALGORITHMIC` when rank < min(own_rank, d), which is equation (12),
             rank J_1 + rank J_2 > rank [J_1; J_2], where both would fit into the n dimensions; `BOTH` when both hold.
             `PARTLY_USED_UP` where the rows do not fit by their number alone, own_rank > d, and use up all d: a posture below
-            other levels. `LIMITED` where a loss of either kind is due to limits: without the hard rows and the inequality rows
-            of earlier levels, the other rows leave the level all rank, or all that they leave.
+            other levels. `LIMITED` where a loss of either kind is due to limits: without the inequality rows, hard ones and
+            those of earlier levels, the equalities leave the level all rank, or all that they leave. A hard row with
+            lower == upper is an equality, a joint that its limits leave one velocity included.
     """
 
     rank: int
@@ -138,9 +140,11 @@ def diagnose(
         bound = [binding(level, point, active_tolerance) for level in problem.levels]
         chosen = [level.A[rows] for level, rows in zip(problem.levels, bound, strict=True)]
         equalities = [(level.lower == level.upper)[rows] for level, rows in zip(problem.levels, bound, strict=True)]
-    hard = problem.hard
-    first = None if hard is None or not hard.m else hard.A[binding(hard, point, active_tolerance)]
-    ranks = _spectra(*_in_metric(problem, chosen, first), rank_tolerance, equalities)
+    hard, first, fixed = problem.hard, None, None
+    if hard is not None and hard.m:
+        bound_hard = binding(hard, point, active_tolerance)
+        first, fixed = hard.A[bound_hard], (hard.lower == hard.upper)[bound_hard]
+    ranks = _spectra(*_in_metric(problem, chosen, first), rank_tolerance, equalities, fixed)
     return tuple(
         LevelReport(
             name=name,
@@ -186,15 +190,20 @@ def _spectra(
     first: FloatArray | None,
     rank_tolerance: float,
     equalities: Sequence[NDArray[np.bool_]] | None = None,
+    fixed_first: NDArray[np.bool_] | None = None,
 ) -> list[Spectrum]:
     """`levels`: for each, the whole A_k, whose norm the rank rule speaks of, and the rows that bind; `equalities`: which of
-    these are equalities, None for all."""
+    these are equalities, None for all; `fixed_first`: which of the `first` rows, hard ones, are."""
     Z: FloatArray | None = None
+    # The same without what limits take, where there are any.
+    limited = equalities is not None and not all(own.all() for own in equalities)
+    without: FloatArray | None = None
     if first is not None and len(first):
         Z = remaining(first, None, rank_tolerance)[1]
-    # The same without what limits take, where there are any.
-    limited = Z is not None or (equalities is not None and not all(own.all() for own in equalities))
-    without: FloatArray | None = None
+        limited = limited or fixed_first is None or not fixed_first.all()
+        if limited and fixed_first is not None:
+            scaled, _ = normalised(first)
+            without = _null_space(scaled[fixed_first], None, rank_tolerance * two_norm(scaled))
     found = []
     for k, (A, rows) in enumerate(levels):
         m, n = rows.shape
@@ -246,65 +255,6 @@ def remaining(A: FloatArray, Z: FloatArray | None, rank_tolerance: float) -> tup
     _, sigma, Vt = np.linalg.svd(B)
     rank = int((sigma > cut).sum())
     return rank, Vt[rank:].T if Z is None else Z @ Vt[rank:].T
-
-
-def rounding_at_zero(problem: Problem, x: FloatArray) -> FloatArray:
-    """(n, r) what rounding may leave of an x (n,) that should be zero: orthogonal directions, of that length in the unit of x;
-    r = 0 where x is not that short.
-
-    Along the directions that a level determines that is 8 eps times the size that its bounds ask of x, the largest
-    |bound_i| / ||a_i|| of a row that is an equality or violated; x must be shorter than 1e-12 of that size. Where a level's
-    rows pull in vain, against rows that are kept, it is that along every direction, unless a row is met at a bound that is not
-    zero: that one tells the size of x.
-    """
-    levels = [level for level in (problem.hard, *problem.levels) if level is not None and level.m]
-    asked = [_asked_by(level, x) for level in levels]
-    own, largest = norm(x), max(asked, default=0.0)
-    found = np.zeros((problem.n, 0))
-    if largest == 0.0 or not own <= NEAR_ZERO * largest:
-        return found
-    sized = any(_met_away_from_zero(level, x) for level in levels)
-    Z = np.eye(problem.n)
-    for level, ask in zip(levels, asked, strict=True):
-        error = violation(level, x)
-        with np.errstate(all="ignore"):
-            chosen = (level.lower == level.upper) | (np.abs(error) > 8.0 * _EPS * largest * row_norms(level.A))
-        if not chosen.any():
-            continue
-        A, exponent = normalised(level.A[chosen])
-        v = np.ldexp(error[chosen], -exponent)
-        B = A @ Z
-        rank, Vt = 0, np.eye(Z.shape[1])
-        if Z.shape[1]:
-            _, sigma, Vt = np.linalg.svd(B)
-            rank = int((sigma > RANK * two_norm(A)).sum())
-        with np.errstate(all="ignore"):
-            cancel = rank > 0 and norm(v @ B) <= PULLS_CANCEL * float(np.abs(v) @ row_norms(A))
-        if own <= NEAR_ZERO * ask and (cancel or not sized):
-            along = Z @ Vt[:rank].T if cancel else np.eye(problem.n)
-            found = np.hstack((found, 8.0 * _EPS * ask * along))
-        Z = Z @ Vt[rank:].T
-    return found
-
-
-def _met_away_from_zero(level: Level, x: FloatArray) -> bool:
-    with np.errstate(all="ignore"):
-        value = level.A @ x
-        at_lower = np.abs(value - level.lower) <= ACTIVE * np.abs(level.lower)
-        at_upper = np.abs(value - level.upper) <= ACTIVE * np.abs(level.upper)
-        finite = np.isfinite(level.lower), np.isfinite(level.upper)
-        return bool(((value != 0.0) & (at_lower & finite[0] | at_upper & finite[1])).any())
-
-
-def _asked_by(level: Level, x: FloatArray) -> float:
-    """The largest |bound_i| / ||a_i|| of the level's equalities and violated rows."""
-    with np.errstate(all="ignore"):
-        lengths = row_norms(level.A)
-        value = level.A @ x
-        target = np.clip(value, level.lower, level.upper)
-        bound = (level.lower == level.upper) | (target != value)
-        ask = np.abs(target[bound]) / lengths[bound]
-        return float(ask[np.isfinite(ask)].max(initial=0.0))
 
 
 def violation(level: Level, x: FloatArray) -> FloatArray:

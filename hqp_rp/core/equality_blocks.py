@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hqp_rp.core.active import VIOLATED
-from hqp_rp.core.diagnostics import rounding_at_zero, two_norm
+from hqp_rp.core.diagnostics import two_norm
 from hqp_rp.core.errors import HqpError
 from hqp_rp.core.level import FloatArray, IntArray
 from hqp_rp.core.metric import in_metric
 from hqp_rp.core.problem import Problem
+from hqp_rp.core.rounding import rounding_at_zero
 from hqp_rp.core.solution import Solution
 from hqp_rp.core.tolerances import NEAR_ZERO, RANK
 

@@ -7,6 +7,7 @@ import importlib.util
 from typing import Any, NoReturn
 
 from hqp_rp.core.errors import MissingExtraError
+from hqp_rp.core.words import listing
 
 
 def _alike(names: str) -> dict[str, str]:
@@ -47,11 +48,11 @@ def require(what: str, *modules: str) -> None:
         return
     extra = next(extra for extra, packages in PACKAGES.items() if missing[0] in packages)
     known = {module: package for packages in PACKAGES.values() for module, package in packages.items()}
-    listed = missing[0] if len(missing) == 1 else f"{', '.join(missing[:-1])} and {missing[-1]}"
     install = " ".join(known[module] for module in missing)
+    are = "is" if len(missing) == 1 else "are"
     raise MissingExtraError(
-        f"{what} needs {listed}, which {'is' if len(missing) == 1 else 'are'} not installed: pip install {install}, or install "
-        f'hqp-rp with its extra "{extra}"'
+        f"{what} needs {listing(missing)}, which {are} not installed: pip install {install}, or install hqp-rp with "
+        f'its extra "{extra}"'
     )
 
 

@@ -8,10 +8,12 @@ import math
 import numpy as np
 
 from hqp_rp.core.active import VIOLATED
-from hqp_rp.core.diagnostics import ACTIVE_TOLERANCE, norm, rounding_at_zero, row_norms, violation
+from hqp_rp.core.diagnostics import ACTIVE_TOLERANCE, norm, row_norms, violation
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, Level, Problem
+from hqp_rp.core.rounding import rounding_at_zero
 from hqp_rp.core.row_names import RowName, level_row_names, row_names
+from hqp_rp.core.words import listing
 
 _FELT = 1e-6
 """A level that pulls by less than this part of what its missed rows pull each by itself cannot be improved by any x near."""
@@ -61,8 +63,7 @@ class HeldBack:
             told.append(f"{len(self.by) - _SHOWN} more")
         if self.rest >= 0.005:
             told.append(f"{'its damping' if self.damped else 'the method of the solver'} ({self.rest:.0%})")
-        last = told.pop()
-        return f"{self.level} is held back by {' and '.join(part for part in (', '.join(told), last) if part)}"
+        return f"{self.level} is held back by {listing(told)}"
 
 
 def held_back(problem: Problem, x: FloatArray) -> tuple[HeldBack, ...]:

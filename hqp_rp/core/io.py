@@ -9,7 +9,7 @@ import os
 import pathlib
 import uuid
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,7 +18,15 @@ from hqp_rp.core.damping import LevelDamping, NoDamping, damping_of
 from hqp_rp.core.errors import FileError, ProblemError, SettingError
 from hqp_rp.core.paths import user_path
 from hqp_rp.core.problem import Level, Problem
-from hqp_rp.core.row_names import LEVEL_ROW_NAMES, ROW_NAMES, RowName, has_row_names, level_row_names, row_names
+from hqp_rp.core.row_names import (
+    LEVEL_ROW_NAMES,
+    ROW_NAMES,
+    RowName,
+    has_row_names,
+    level_row_names,
+    row_names,
+    state_row_names,
+)
 
 FORMAT = "hqp_rp problem"
 VERSION = 3
@@ -183,7 +191,7 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
             ("level_row_names", LEVEL_ROW_NAMES, problem.rows),
         ):
             if array in arrays:
-                problem.kept = {**(problem.kept or {}), name: _named(str(arrays[array]), m, array)}
+                state_row_names(problem, {name: _named(str(arrays[array]), m, array)})
         metadata = json.loads(str(arrays["metadata"]))
     except KeyError as error:
         raise FileError(f"{source}: the array {error.args[0]!r} is missing.") from error
@@ -196,15 +204,15 @@ def _assembled(source: pathlib.Path, arrays: dict[str, Any]) -> tuple[Problem, d
     return problem, metadata
 
 
-def _named(text: str, m: int, array: str) -> Callable[[], list[RowName]]:
-    """What gives the names of m rows; raises `ProblemError` where they are none."""
+def _named(text: str, m: int, array: str) -> list[RowName]:
+    """The names of m rows; raises `ProblemError` where they are none."""
     try:
         names = [RowName(*fields) for fields in json.loads(text)]
     except (TypeError, ValueError) as error:
         raise ProblemError(f"the array {array!r} holds no names of rows ({error}).") from error
     if len(names) != m:
         raise ProblemError(f"the array {array!r} names {len(names)} rows; there are {m}.")
-    return lambda: names
+    return names
 
 
 def _damping(arrays: dict[str, Any]) -> list[LevelDamping | None] | None:

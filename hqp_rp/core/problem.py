@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple, TypeVar, final
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +13,15 @@ from hqp_rp.core.arrays import require_arrays
 from hqp_rp.core.damping import LevelDamping
 from hqp_rp.core.level import FloatArray, IntArray, Level, checked_levels, frozen, split_levels
 
+if TYPE_CHECKING:
+    from hqp_rp.core.row_names import RowName
+
 __all__ = ["FloatArray", "IntArray", "Level", "Problem", "Stacked"]
 
 
 _T = TypeVar("_T")
 _ROW_NAMES = "row names as given"
+_keep = _native.Problem.__dict__["kept"].__set__  # not by way of __setattr__, a tenth of a control step's time
 
 
 class Stacked(NamedTuple):
@@ -131,6 +135,7 @@ class Problem(_native.Problem):
         is_equality: bool,
         damping: tuple[LevelDamping | None, ...] | None = None,
         metric: FloatArray | None = None,
+        kept: dict[str, Any] | None = None,
     ) -> Problem:
         """The problem whose first `hard_rows` rows are hard, above those of its levels; nothing is checked or copied.
 
@@ -139,8 +144,12 @@ class Problem(_native.Problem):
             names: of the levels. is_equality: whether every row of every level is an equality.
             damping: one policy or None for each level, at least one that is not None; or None.
             metric: (n, n), symmetric positive definite and C-contiguous, or None.
+            kept: what goes with the problem, such as the names of its rows (`hqp_rp.core.row_names`), or None.
         """
-        return cls._of(matrix, lower, upper, offsets, names, hard_rows, None, is_equality, damping, metric)
+        problem = cls._of(matrix, lower, upper, offsets, names, hard_rows, None, is_equality, damping, metric)
+        if kept is not None:
+            _keep(problem, kept)
+        return problem
 
     @classmethod
     def _of(cls, *arrays: Any) -> Problem:
@@ -265,9 +274,14 @@ class Problem(_native.Problem):
         raise AttributeError(f"A Problem is read-only: build a new one instead of setting {name!r}.")
 
     def __reduce__(self) -> tuple[object, ...]:
+        from hqp_rp.core.row_names import stated_row_names
+
+        arrays = self.matrix, self.lower, self.upper, self.offsets
+        given = (self.kept or {}).get(_ROW_NAMES)
+        # Names as they are now: what makes them, a stack on a robot, stays behind.
         return (
             _rebuild,
-            (self.matrix, self.lower, self.upper, self.offsets, self.names, self.hard, self.damping, self.metric),
+            (*arrays, self.names, self.hard, self.damping, self.metric, given, stated_row_names(self)),
         )
 
     def __repr__(self) -> str:
@@ -292,8 +306,19 @@ def _rebuild(
     hard: Level | None,
     damping: tuple[LevelDamping | None, ...] | None = None,
     metric: FloatArray | None = None,
+    row_names: list[tuple[str, ...]] | None = None,
+    stated: dict[str, list[RowName]] | None = None,
 ) -> Problem:
-    return Problem.from_stacked(matrix, lower, upper, offsets, names=names, hard=hard, damping=damping, metric=metric)
+    problem = Problem.from_stacked(
+        matrix, lower, upper, offsets, names=names, hard=hard, damping=damping, metric=metric
+    )
+    if row_names is not None:
+        problem.kept = {**(problem.kept or {}), _ROW_NAMES: row_names}
+    if stated:
+        from hqp_rp.core.row_names import state_row_names
+
+        state_row_names(problem, stated)
+    return problem
 
 
 def _checked_metric(metric: ArrayLike, n: int) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from hqp_rp.core.problem import Problem
@@ -104,8 +104,20 @@ def take_row_names(problem: Problem, made: Problem) -> None:
     if ROW_NAMES in kept:
         made.kept = {**(made.kept or {}), ROW_NAMES: kept[ROW_NAMES]}
     elif has_row_names(problem) and not has_row_names(made):
-        names = row_names(problem)
-        made.kept = {**(made.kept or {}), ROW_NAMES: lambda: names}
+        state_row_names(made, {ROW_NAMES: row_names(problem)})
+
+
+def stated_row_names(problem: Problem) -> dict[str, list[RowName]]:
+    """What `ROW_NAMES` and `LEVEL_ROW_NAMES` say, of those that are there, for `state_row_names`."""
+    counts = {ROW_NAMES: problem.hard_rows if problem.hard is None else problem.hard.m, LEVEL_ROW_NAMES: problem.rows}
+    stated = {which: _made(problem, which, count) for which, count in counts.items()}
+    return {which: names for which, names in stated.items() if names is not None}
+
+
+def state_row_names(problem: Problem, stated: Mapping[str, list[RowName]]) -> None:
+    """Give a problem names: under `ROW_NAMES` one for each hard row, under `LEVEL_ROW_NAMES` for each of the levels' rows."""
+    made: dict[str, Callable[[], list[RowName]]] = {which: names.copy for which, names in stated.items()}
+    problem.kept = {**(problem.kept or {}), **made}
 
 
 def _made(problem: Problem, which: str, count: int) -> list[RowName] | None:

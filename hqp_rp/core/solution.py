@@ -178,6 +178,11 @@ class Solution(_native.Solution):
 
         return solution_figure(self)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # What a subclass keeps in slots or attributes of its own is its state; what was computed is computed again.
+        arguments = self.problem, self.x, self.status, self.iterations, self.message, self.secondary
+        return _rebuild, (type(self), arguments, self.held), self.__getstate__()
+
     def __repr__(self) -> str:
         return f"Solution({self.status.name}, x={self.x}, iterations={self.iterations})"
 
@@ -185,6 +190,13 @@ class Solution(_native.Solution):
         from hqp_rp.core.html import solution_html
 
         return solution_html(self)
+
+
+def _rebuild(kind: type[Solution], arguments: tuple[Any, ...], held: NDArray[np.integer] | float | None) -> Solution:
+    made = kind.__new__(kind)
+    Solution.__init__(made, *arguments)
+    made.held = held
+    return made
 
 
 _native.register_solution(Solution, tuple(Status))

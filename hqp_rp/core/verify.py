@@ -9,10 +9,11 @@ import numpy as np
 
 from hqp_rp.core import _native
 from hqp_rp.core.closed_form import zeros
-from hqp_rp.core.diagnostics import norm, one_sided, rounding_at_zero, row_norms
+from hqp_rp.core.diagnostics import norm, one_sided, row_norms
 from hqp_rp.core.metric import in_metric
 from hqp_rp.core.nonnegative import nonnegative_least_squares
 from hqp_rp.core.problem import FloatArray, IntArray, Level, Problem
+from hqp_rp.core.rounding import rounding_at_zero
 from hqp_rp.core.row_names import hard_rows_in_words
 from hqp_rp.core.solver import RANK_TOLERANCE
 from hqp_rp.core.tolerances import CONTRADICTION, FARKAS_REACH, FARKAS_ROUNDING, FARKAS_WEIGHT
@@ -58,7 +59,7 @@ def fault_of(
 def hard_excess(hard: Level | None, x: FloatArray, rounding: FloatArray | None = None) -> float:
     """The largest violation of a hard row at x (n,), relative to `||a_i|| ||x|| + |bound_i|`; 0 without hard rows.
 
-    rounding: (n, r) of x, see `hqp_rp.core.diagnostics.rounding_at_zero`; what it explains counts as none.
+    rounding: (n, r) of x, see `hqp_rp.core.rounding.rounding_at_zero`; what it explains counts as none.
     """
     if hard is None or not hard.m:
         return 0.0

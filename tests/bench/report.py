@@ -10,7 +10,8 @@ from hqp_rp.compare.figures.chart import Line, Lines, styles
 from hqp_rp.compare.report.opening import first_chart
 from hqp_rp.compare.report.report import Opening, Report, Section, Table
 from hqp_rp.compare.report.sentences import Sentences
-from hqp_rp.compare.report.words import listing, number
+from hqp_rp.compare.report.words import number
+from hqp_rp.core.words import listing
 from tests.bench.accuracy import ACCEPTED
 from tests.bench.extra import BATCH, COUNTED_FAMILY, GROWERS, LEVEL_ROWS, LEVEL_UNKNOWNS, Curves
 from tests.bench.families import FAMILIES

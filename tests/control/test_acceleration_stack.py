@@ -187,11 +187,16 @@ def test_every_limit_bounds_the_velocity_after_the_step():
     task = PostureTask(robot.neutral)
     on_v = Stack([task], limits).problem(robot, dt, v).hard
     on_a = AccelerationStack([task], limits).problem(robot, dt, v).hard
+    np.testing.assert_allclose(on_a.A[7:14], robot.mass_matrix())  # torques in N m
+    torque = robot.inverse_dynamics(v, np.zeros(7))
+    np.testing.assert_allclose(on_a.upper[7:14], 60.0 - torque)
+    lengths = np.ones(21)
+    lengths[7:14] = dt
     for _ in range(20):
         a = 5.0 * rng.normal(size=7)
         for bound_v, bound_a, sign in ((on_v.upper, on_a.upper, 1.0), (on_v.lower, on_a.lower, -1.0)):
             room_v, room_a = sign * (bound_v - on_v.A @ (v + dt * a)), sign * (bound_a - on_a.A @ a)
-            np.testing.assert_allclose(room_v, dt * room_a, atol=1e-9)
+            np.testing.assert_allclose(lengths * room_v, dt * room_a, atol=1e-9)
 
 
 def test_jerk_is_bounded_too():

@@ -23,6 +23,7 @@ from hqp_rp.control import (
 )
 from hqp_rp.control._rotations import skew
 from hqp_rp.core.errors import RobotError, SettingError
+from hqp_rp.core.row_names import row_names
 from hqp_rp.robot import MujocoRobot, PinocchioRobot, sawyer
 from hqp_rp.robot.named import named_robot
 from hqp_rp.robot.pinocchio_model import configuration_from_mujoco
@@ -285,16 +286,53 @@ def test_a_contradiction_is_told_by_contact_and_joint():
     assert found.status is hqp_rp.Status.INFEASIBLE
     assert any("sole contact" in name for name in found.conflict.names)
     assert any("equation of motion" in name or "centre of mass" in name for name in found.conflict.names)
-    units = {"equation of motion": "N m or N", "joint torque": "N m or N", "joint limits": "rad/s^2 or m/s^2"}
     stated = dict(zip(found.conflict.names, found.conflict.units, strict=True))
     for name, unit in stated.items():
-        group = name.partition(":")[0]
-        assert unit == ("x 100 N" if "contact" in group else units.get(group, "")), name
+        group, _, row = name.partition(": ")
+        slides = row.partition(" ")[0] in {f"root[{i}]" for i in range(3)}
+        units = ("N", "m/s^2") if slides else ("N m", "rad/s^2")
+        expected = {"equation of motion": units[0], "joint torque": units[0], "joint limits": units[1]}
+        assert unit == ("x 100 N" if "contact" in group else expected.get(group, "")), name
     hard = found.problem.hard
     lengths = np.linalg.norm(hard.A[list(found.conflict.rows)], axis=1)
     np.testing.assert_allclose(found.conflict.misses, found.conflict.gap * lengths)
     assert "x 100 N" in str(found.conflict)
     assert "Hard rows '" in found.message
+
+
+def test_each_problem_keeps_the_names_of_its_own_robot():
+    """One stack in turns on two robots, one on a floating base, with other torque limits; asked afterwards."""
+
+    def chain(joints, base=""):
+        bodies = "".join(
+            f'<body name="{name}" pos="0.3 0 0"><joint name="{name}" axis="0 1 0" {limit}/><geom size="0.1" mass="1"/>'
+            for name, limit in joints.items()
+        )
+        body = f'<body name="base">{base}<geom size="0.1" mass="1"/>{bodies}{"</body>" * len(joints)}</body>'
+        robot = MujocoRobot(mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>"))
+        robot.update(robot.neutral)
+        return robot
+
+    effort = 'actuatorfrcrange="-4 4"'
+    fixed = chain({"a": effort, "b": effort})
+    floating = chain({"left": "", "right": effort, "other": ""}, '<freejoint name="base"/>')
+    limit = JointLimit(position=False, velocity=1.0, acceleration=5.0)
+    stack = TorqueStack([PositionTask("base", np.zeros(3))], [limit])
+    expected = {
+        fixed: ["joint torque: a", "joint torque: b", "joint limits: a", "joint limits: b"],
+        floating: [
+            *(f"equation of motion: base[{i}]" for i in range(6)),
+            "joint torque: right",
+            *(f"joint limits: base[{i}]" for i in range(6)),
+            *("joint limits: left", "joint limits: right", "joint limits: other"),
+        ],
+    }
+    made = [(robot, stack.problem(robot, 0.01, np.zeros(robot.nv))) for robot in (fixed, floating, fixed, floating)]
+    for robot, problem in made:
+        assert [str(name) for name in row_names(problem)] == expected[robot]
+    # Only torques on the way: the stack has met another robot since its last problem.
+    stack.holding_torque(fixed, np.zeros(2), 1.0)
+    assert [str(name) for name in row_names(made[-1][1])] == expected[floating]
 
 
 def test_limits_come_from_the_model_where_none_are_given():

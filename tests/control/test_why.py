@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import pathlib
+import pickle
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,6 +50,26 @@ def conflict_of(stack: Stack, robot: MujocoRobot, v: np.ndarray | None = None) -
     conflict = hqp_rp.solve(problem, SOLVER).conflict
     assert conflict is not None
     return problem, conflict
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
+def test_a_copy_tells_the_same_names_and_causes(robot: MujocoRobot, copied: Callable[[Any], Any]) -> None:
+    stack = Stack([PostureTask(robot.neutral)], [JointLimit(acceleration=2.0), LockedJoints([0])])
+    moving = np.eye(7)[0] * 0.3
+    for other in (stack, AccelerationStack(stack.levels, stack.limits)):
+        problem, conflict = conflict_of(other, robot, moving)
+        copy_of = hqp_rp.solve(copied(problem), SOLVER)
+        assert copy_of.conflict == conflict
+        assert str(copy_of.conflict) == str(conflict)
+        assert "acceleration 2 rad/s^2 x dt" in str(conflict) or isinstance(other, AccelerationStack)
+    far = PositionTask("tool", robot.pose("tool")[1] + [9.0, 0.0, 0.0], gain=50.0)
+    free = Stack([VelocityLimit(name="soft limits"), far], [LockedJoints([0])]).problem(robot, DT)
+    solution = hqp_rp.solve(free, SOLVER)
+    assert any(row.startswith("soft limits: joint") for row in solution.active_rows or ())
+    assert hqp_rp.solve(copied(free), SOLVER).active_rows == copied(solution).active_rows == solution.active_rows
+    command = MotionRunner(stack, SOLVER, acceleration=2.0).step(robot, DT, moving)
+    assert "locked joints: joint1" in command.reason
+    assert copied(command).reason == command.reason
 
 
 def most(problem: Problem, conflict: Conflict) -> float:

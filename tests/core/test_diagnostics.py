@@ -189,6 +189,40 @@ def test_what_limits_take_is_no_singularity() -> None:
         assert kinds(Problem([first, along], hard=box, metric=metric), [0.0, 0.0, 1.0])[1] is Singularity.ALGORITHMIC
 
 
+def test_a_hard_equality_is_no_limit() -> None:
+    """A task among `limits=`, a locked joint: what it takes is gone at every x, as what a level before takes."""
+    e = np.eye(3)
+    along = Level.equality([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [5.0, 0.0])
+    for metric in (None, [1.0, 2.0, 3.0]):
+        fixed = Level.equality(e[:1], [1.0])
+        assert kinds(Problem([along], hard=fixed, metric=metric), [1.0, 0.0, 0.0]) == [Singularity.ALGORITHMIC]
+        # Beside an active limit, on another unknown and on the same one.
+        both = Level(e[[0, 2]], [1.0, -1.0], [1.0, 1.0])
+        assert kinds(Problem([along], hard=both, metric=metric), [1.0, 0.0, 1.0]) == [Singularity.ALGORITHMIC]
+        same = Level(e[[0, 0]], [1.0, -1.0], [1.0, 1.0])
+        assert kinds(Problem([along], hard=same, metric=metric), [1.0, 0.0, 0.0]) == [Singularity.ALGORITHMIC]
+        # The equality leaves this level its rank, the limit does not.
+        other = Level(e[[2, 0]], [1.0, -1.0], [1.0, 1.0])
+        assert kinds(Problem([along], hard=other, metric=metric), [1.0, 0.0, 1.0]) == [Singularity.LIMITED]
+    # A locked joint below a whole posture: it gets all that is left.
+    posture = Level.equality(e, np.zeros(3))
+    assert kinds(Problem([posture], hard=Level.equality(e[:1], [0.0])), np.zeros(3)) == [Singularity.PARTLY_USED_UP]
+    # The level's own dependence beside a hard equality on the same row.
+    dependent = Level.equality([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], [1.0, 2.0])
+    assert kinds(Problem([dependent], hard=Level.equality(e[:1], [1.0])), [1.0, 0.0, 0.0]) == [Singularity.BOTH]
+
+
+def test_a_hard_equality_counts_as_the_same_rows_at_a_level_before() -> None:
+    """Whatever stands before them, the levels' kinds are those beside these rows as level 1."""
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        n = int(rng.integers(2, 7))
+        rows = [rng.integers(-1, 2, (int(m), n)) for m in rng.integers(1, 4, 3)]
+        stated = [Level.equality(A, np.zeros(len(A))) for A in rows]
+        hard = Problem(stated[1:], hard=stated[0])
+        assert kinds(hard, np.zeros(n)) == kinds(Problem(stated), np.zeros(n))[1:]
+
+
 def test_spectra_are_those_of_diagnose() -> None:
     for _, problem in equality_cases(1):
         for spectrum, report in zip(spectra(problem), diagnose(problem, np.zeros(problem.n)), strict=True):

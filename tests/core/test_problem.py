@@ -1,6 +1,9 @@
 """Problems: what they hold, and the error for each way to state one wrongly."""
 
+import copy
 import pickle
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hqp_rp import HqpError, Level, Problem, ProblemError
+from hqp_rp.core.row_names import LEVEL_ROW_NAMES, ROW_NAMES, RowName, has_row_names, level_row_names, row_names
 from tests.problems import independent, over_constrained, two_sided
 
 
@@ -72,6 +76,38 @@ def test_stacked_round_trip(seed: int, rows: list[int]) -> None:
         assert other.is_equality == problem.is_equality
         for a, b in zip(other.levels, problem.levels, strict=True):
             np.testing.assert_array_equal(a.A, b.A)
+
+
+COPIES = [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_names_of_rows_survive_a_copy(copied: Callable[[Any], Any]) -> None:
+    levels = [Level.equality(np.eye(2), [0, 1], name="a", row_names=["x", "y"]), Level(np.eye(2)[:1], -1, 1)]
+    plain = Problem(levels, hard=Level(np.eye(2), -2, 2, name="box", row_names=["left", "right"]))
+    other = copied(copied(plain))
+    assert [level.row_names for level in other.levels] == [("x", "y"), ()]
+    assert level_row_names(other) == level_row_names(plain)
+    assert [str(name) for name in row_names(other)] == ["left", "right"]
+
+    stated = Problem(levels, hard=Level(np.eye(2), -2, 2))
+    hard = [RowName("limit", f"joint {i}", "rad/s", "velocity 1", "velocity 2", keep=True) for i in range(2)]
+    rows = [RowName("task", f"row {i}", "m/s", turned=True) for i in range(3)]
+    stated.kept = {ROW_NAMES: lambda: hard, LEVEL_ROW_NAMES: lambda: rows}  # as a stack does: what no pickle can hold
+    other = copied(copied(stated))
+    assert (row_names(other), level_row_names(other)) == (hard, rows)
+
+
+def test_a_copy_of_a_problem_without_names_has_none() -> None:
+    other = copy.deepcopy(Problem([Level.equality(np.eye(2), [0, 1])], hard=Level(np.eye(2), -2, 2)))
+    assert not has_row_names(other)
+    assert [str(name) for name in row_names(other)] == ["hard row 0", "hard row 1"]
+
+    def fails() -> list[RowName]:
+        raise RuntimeError("a limit of one's own")
+
+    other.kept = {**(other.kept or {}), ROW_NAMES: fails}
+    assert [str(name) for name in row_names(copy.deepcopy(other))] == ["hard row 0", "hard row 1"]
 
 
 def test_fast_path_copies_nothing() -> None:

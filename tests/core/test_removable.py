@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hqp_rp import Level, Problem, Status, certify, solve
-from hqp_rp.core.diagnostics import rounding_at_zero
 from hqp_rp.core.removable import smaller_parts
+from hqp_rp.core.rounding import rounding_at_zero
 from hqp_rp.core.verify import fault_of
 
 

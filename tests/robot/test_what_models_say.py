@@ -13,6 +13,7 @@ import pytest
 
 from hqp_rp import HqpError, RobotError, SettingError, solve
 from hqp_rp.control import (
+    AccelerationStack,
     JointCoupling,
     JointLimit,
     JointLimitPotential,
@@ -469,7 +470,7 @@ def test_angles_that_look_like_degrees_are_said_wherever_they_are_given() -> Non
 def test_joint_limits_of_a_model_without_speeds_are_said_once() -> None:
     robot = MujocoRobot(hinges('range="-170 170"'))
     posture = PostureTask(robot.neutral)
-    words = r"'joint limits' bounds no speed of 'j0', 'j1', 'j2': .* Give JointLimit\(velocity=\.\.\.\)"
+    words = r"'joint limits' bounds no speed of 'j0', 'j1' and 'j2': .* Give JointLimit\(velocity=\.\.\.\)"
     for stack in (Stack([posture], [JointLimit()]), Stack([JointLimit(), posture])):
         with pytest.warns(UserWarning, match=words) as told:
             stack.problem(robot, 0.01)
@@ -481,3 +482,58 @@ def test_joint_limits_of_a_model_without_speeds_are_said_once() -> None:
         Stack([posture], limits).problem(robot, 0.01)
     Stack([posture], [JointLimit(acceleration=5.0)]).problem(robot, 0.01, np.zeros(3))
     Stack([posture], [JointLimit()]).problem(MujocoRobot(hinges('range="-170 170"'), velocity_limit=2.0), 0.01)
+
+
+def test_only_what_bounds_speeds_silences_the_warning_about_speeds() -> None:
+    """Beside JointLimit(): limits of mink and pink on positions and on velocities, on all joints and on some, and locks."""
+    import mink
+    import pink
+
+    model = hinges('range="-170 170"')
+    robot, other = MujocoRobot(model), PinocchioRobot.from_mujoco(model)
+    posture = PostureTask(robot.neutral)
+
+    def told(robot: Any, *limits: Any) -> list[str]:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            Stack([posture], [JointLimit(), *limits]).problem(robot, 0.01, np.zeros(3))
+        return [str(one.message).partition(":")[0] for one in caught]
+
+    everything = ["'joint limits' bounds no speed of 'j0', 'j1' and 'j2'"]
+    some = ["'joint limits' bounds no speed of 'j1' and 'j2'"]
+    assert told(robot, mink.ConfigurationLimit(model)) == everything
+    assert told(robot, mink.VelocityLimit(model, {"j0": 1.0})) == some
+    assert told(robot, mink.VelocityLimit(model, {"j0": 1.0, "j1": 1.0, "j2": 1.0})) == []
+    assert told(robot, mink.ConfigurationLimit(model), VelocityLimit(1.0)) == []
+
+    limited = PinocchioRobot.from_mujoco(model).model
+    limited.velocityLimit = np.array([1.0, 0.0, 0.0])  # 0 is none in pink
+    assert told(other, pink.limits.ConfigurationLimit(other.model)) == everything
+    assert told(other, pink.limits.VelocityLimit(limited)) == some
+    assert told(other, pink.limits.AccelerationLimit(other.model, np.full(3, 5.0))) == []
+
+    assert told(robot, JointLimit(position=False, velocity={"j0": 1.0})) == some
+    assert told(robot, VelocityLimit({"j0": 1.0})) == some
+    assert told(robot, LockedJoints(["j0"])) == some
+
+
+def test_brakes_of_some_joints_only_beside_a_torque_limit_are_said_when_the_robot_is_met() -> None:
+    robot = MujocoRobot(hinges('range="-170 170"'))
+    posture, v = PostureTask(robot.neutral), np.zeros(3)
+    for kind in (Stack, AccelerationStack):
+        for braked in ({"acceleration": {"j0": 3.0}}, {"jerk": {"j0": 30.0}}, {"acceleration": [3.0, np.inf, np.inf]}):
+            stack = kind([posture], [JointLimit(velocity=1.0, **braked), TorqueLimit({"j0": 5.0, "j1": 5.0})])
+            with pytest.warns(UserWarning, match="'joint limits' asks 'j1' to stop at a position limit") as told:
+                stack.problem(robot, 0.01, v, v)
+            assert [one.filename for one in told] == [__file__]
+            stack.problem(robot, 0.01, v, v)
+        # Nothing to say of: brakes where torques are limited, and a torque limit that is soft.
+        kind([posture], [JointLimit(velocity=1.0, acceleration={"j0": 3.0}), TorqueLimit({"j0": 5.0})]).problem(
+            robot, 0.01, v
+        )
+        kind([posture, TorqueLimit(5.0)], [JointLimit(velocity=1.0, acceleration={"j0": 3.0})]).problem(robot, 0.01, v)
+    # Said once, when the stack is made, where it is known then.
+    with pytest.warns(UserWarning, match="asks joints to stop") as told:
+        stack = Stack([posture], [JointLimit(velocity=1.0), TorqueLimit(5.0)])
+    assert len(told) == 1
+    stack.problem(robot, 0.01, v)

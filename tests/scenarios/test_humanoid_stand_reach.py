@@ -35,7 +35,7 @@ def test_the_hand_reaches_as_far_as_balance_allows(run):
     _, steps = run
     time = np.array([step.parameter for step in steps])
     reaching = (time > 1.5) & (time < 2.0)
-    assert column(steps, "hand error [m]")[reaching].min() > 0.05
+    assert 0.05 < column(steps, "hand error [m]")[reaching].min() < 0.32  # 0.55 m where a damping holds it back
     assert column(steps, "balance error [m]")[reaching].max() < 0.005
 
 

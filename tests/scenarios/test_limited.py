@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from hqp_rp.core.solution import Solution, Status
 from hqp_rp.core.solver import Solver, get_solver
 from hqp_rp.scenarios._limited import Limited, out_and_back
 from hqp_rp.scenarios.humanoid_reach import HumanoidReach
+from hqp_rp.scenarios.in_and_out_of_reach import InAndOutOfReach
 from hqp_rp.scenarios.joint_limit_reach import JointLimitReach
 from hqp_rp.scenarios.obstacle_pass import ObstaclePass
 from hqp_rp.scenarios.scenario import all_scenarios
@@ -225,3 +227,25 @@ def test_every_solver_gets_through_and_solved_means_that_hard_limits_hold(scenar
         )
         scale = np.linalg.norm(hard.A, 2) * np.linalg.norm(x) + np.linalg.norm(bound)
         assert beyond.max() <= solver.tolerance * scale, step.parameter
+
+
+def test_what_in_and_out_of_reach_says_of_its_damping_is_true() -> None:
+    scenario = InAndOutOfReach()
+    said = scenario.cannot_tell[-2]
+    rule = {"factor": 1.0 * max(0.05 / scenario.gain, scenario.period), "second_factor": 1.0 / scenario.gain}
+    assert (
+        f": {scenario.factor:g} m s at level 1, reach times period, and {scenario.second_factor:g} s at level 2" in said
+    )
+    assert scenario.factor == pytest.approx(1.0 * scenario.period)
+    assert f"gives {rule['factor']:g} m s and {rule['second_factor']:g} s here" in said
+    jumps, off = [], []
+    for made in (scenario, dataclasses.replace(scenario, **rule)):
+        steps = [step for step in made.steps(get_solver("hierarchical_active_set"), 0) if step.case.endswith("damped")]
+        v = np.array([step.solution.x for step in steps])
+        jumps.append(float(np.quantile(np.abs(np.diff(v, axis=0)).max(axis=1), 0.99)))
+        rest = [step for step in steps if 0.4 < step.parameter / scenario.duration < 0.55]
+        off.append(float(np.mean([step.measured["tool position error [m]"] for step in rest])))
+    told = re.search(r"by ([\d.]+) rad/s at most instead of ([\d.]+), for ([\d.]+) mm", said)
+    assert told is not None
+    assert [float(number) for number in told.groups()[:2]] == pytest.approx(jumps[::-1], abs=0.01)
+    assert float(told[3]) == pytest.approx(1e3 * (off[1] - off[0]), abs=0.15)

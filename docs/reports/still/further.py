@@ -201,11 +201,16 @@ def torques() -> Iterator[list[str]]:
         yield [str(damping), f"{posture_gain:g}", f"{off:.0f}", f"{np.abs(v).max():.1g}", f"{change:.1g}"]
 
 
+def _of_power(own: int, factor: float, power: int) -> ErrorDamping:
+    """The scenario's damping at a power of one's own."""
+    return ErrorDamping(factor, power=own)
+
+
 def stands() -> Iterator[list[str]]:
     """`humanoid_stand_reach`: the same in MuJoCo, on soles with friction."""
     for factor_of, power in ((0.01, 2), (0.01, 1), (0.003, 1), (0.001, 1), (0.0002, 1)):
-        # The scenario has a factor for power 2 alone.
-        standing.ErrorDamping = functools.partial(ErrorDamping, power=power)  # type: ignore[misc, assignment]
+        # The scenario has a factor for power 1 alone.
+        standing.ErrorDamping = functools.partial(_of_power, power)  # type: ignore[misc, assignment]
         try:
             scenario = standing.HumanoidStandReach(hand_damping=factor_of)
             steps = list(scenario.steps(hqp_rp.get_solver(SOLVER), 0))

@@ -227,6 +227,8 @@ over a sweep of its ratio, since no one ratio is the right one for six levels:
 
 {chr(10).join(stood_by_others())}
 
+Solve times compare with each other only: what else the machine does lengthens all of them.
+
 Machine: {about["processor"]}, {about["cores"]} cores.
 """
     (HERE / "levels.md").write_text(text, encoding="utf-8")

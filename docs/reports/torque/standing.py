@@ -102,7 +102,8 @@ def stood(python: str, asked: dict[str, Any]) -> list[str]:
     """Rows of the table of closed loops: both sides, a hand target within reach and one out of it."""
     rows = []
     for reach in (0.5, 0.9):
-        for damping, words in ((0.0, "no damping"), (0.01, "hand damped, as the scenario has it")):
+        own = HumanoidStandReach.hand_damping
+        for damping, words in ((0.0, "no damping"), (own, "hand damped, as the scenario has it")):
             standing = Standing(HumanoidStandReach(reach=reach, hand_damping=damping))
             rows.append([f"{reach:g} m", f"hqp_rp, {words}", *standing.run(standing.ours())])
         for weight in (1.0, 0.1, 0.03, 0.01, 0.001):

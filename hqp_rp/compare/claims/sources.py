@@ -21,11 +21,12 @@ _WORDS = (
     "hqp_rp.core.held_back",
     "hqp_rp.core.row_names",
     "hqp_rp.control._row_names",
+    "hqp_rp.control._rows_in_words",
     "hqp_rp.control._stack_warnings",
 )
 """Modules that put an answer, or a stack, into words and change neither."""
 
-_SHOWS = ("_repr_html_", "plot", "bound_causes", "row_units", "_row_names", "_named_rows", "_stated_rows")
+_SHOWS = ("_repr_html_", "plot", "bound_causes", "row_units")
 """Methods that show an object or name rows for messages."""
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)

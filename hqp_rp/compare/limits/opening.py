@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from hqp_rp.compare.limits.cases import LimitCase
 from hqp_rp.compare.report.opening import advised
 from hqp_rp.compare.report.sentences import Sentences
-from hqp_rp.compare.report.words import listing, number
+from hqp_rp.compare.report.words import number
+from hqp_rp.core.words import listing
 
 say = Sentences(__file__)
 

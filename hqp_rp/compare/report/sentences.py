@@ -6,8 +6,9 @@ import functools
 import pathlib
 from typing import Any
 
-from hqp_rp.compare.report.words import counted, listing, number, share
+from hqp_rp.compare.report.words import counted, number, share
 from hqp_rp.core.extras import require
+from hqp_rp.core.words import listing
 
 
 class Sentences:

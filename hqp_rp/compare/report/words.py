@@ -1,9 +1,8 @@
-"""Figures, shares, counts and names as a report spells them."""
+"""Figures, shares and counts as a report spells them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 
 def number(value: float | None, digits: int = 2) -> str:
@@ -32,11 +31,3 @@ def share(value: float | None) -> str:
 def counted(count: int, noun: str) -> str:
     """How many of something: 1 path, 2 paths."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def listing(names: Sequence[str]) -> str:
-    """Names as a sentence has them: a, b and c."""
-    names = list(names)
-    if len(names) < 2:
-        return "".join(names)
-    return f"{', '.join(names[:-1])} and {names[-1]}"

@@ -11,8 +11,9 @@ from hqp_rp.compare.comparison.findings import DAMPED as DAMPED_CLAIM
 from hqp_rp.compare.comparison.findings import FREE, SAME, UNDISTURBED, answer, case_sentences, claims, claims_summary
 from hqp_rp.compare.contestants import Contestant
 from hqp_rp.compare.measure.cases import Case, Outcome
-from hqp_rp.compare.report.words import listing, number, share
+from hqp_rp.compare.report.words import number, share
 from hqp_rp.core.variant import DAMPED, EXACT
+from hqp_rp.core.words import listing
 from tests.compare.small import Closing, Moving
 
 GOOD = Outcome(
