@@ -22,14 +22,8 @@
 #include <cmath>
 
 #include "hqp_rp/least_squares.hpp"
+#include "hqp_rp/uneven.hpp"
 #include "hqp_rp/working_set_guess.hpp"
-
-// What few problems need stays out of the way of the others.
-#if defined(_MSC_VER) && !defined(__clang__)
-#define HQP_APART __declspec(noinline)
-#else
-#define HQP_APART __attribute__((noinline))
-#endif
 
 namespace hqp {
 inline namespace HQP_ISA {
@@ -52,11 +46,11 @@ class ActiveSetSearch {
       : problem_(problem), damped_(damped), width_(width), n_(problem.unknowns), p_(searched_levels(problem, damped)),
         tol_(rank_tolerance), limit_(limit),
         depends_(rank_tolerance > tolerance::depends ? rank_tolerance : tolerance::depends), workspace_(workspace),
-        rows_(rows_of(problem, damped), problem.unknowns, width, workspace) {
+        rows_(rows_of(problem, damped), problem.unknowns, width, workspace), uneven_(rows_, workspace) {
     const int M = rows_.M;
     offsets_ = workspace.counts(p_ + 1);
     tentative_ = workspace.counts(p_ + 1);
-    uneven_ = workspace.counts(p_ + 1);
+    uneven_levels_ = workspace.counts(p_ + 1);
     offsets_[0] = tentative_[0] = 0;
     offsets_[1] = problem.hard_rows;
     int largest = problem.hard_rows, level = 0;
@@ -84,13 +78,11 @@ class ActiveSetSearch {
     list_ = workspace.counts(size);
     stays_ = workspace.counts(M + 1);
     passed_ = workspace.counts(M + 1);
-    released_ = workspace.counts(M + 1);
     origin_ = workspace.numbers(size);
     target_ = workspace.numbers(size + n_);
     multiplier_ = workspace.numbers(size);
     gradient_ = workspace.numbers(size);
     work_ = workspace.numbers(size + n_);
-    missed_ = workspace.numbers(3 * static_cast<std::size_t>(M)), hidden_ = missed_ + M, cosine_ = hidden_ + M;
     lengths_ = workspace.numbers(2 * static_cast<std::size_t>(size) + n_);
     point_ = workspace.numbers(width_);
     step_ = workspace.numbers(width_);
@@ -111,14 +103,14 @@ class ActiveSetSearch {
     for (int i = 0; i < p.hard_rows && sound; i += together)
       sound = rows_.load(i, together, p.hard_matrix + static_cast<std::ptrdiff_t>(i) * n_, p.hard_rows - i, p.hard_lower + i,
                          p.hard_upper + i, guessed ? side + i : nullptr);
-    uneven_[0] = together > 1 && rows_.uneven;
+    uneven_levels_[0] = together > 1 && rows_.uneven;
     for (int k = 0, level = 1; k < p.levels && sound; ++k, ++level) {
       const std::int64_t r0 = p.offsets[k];
       const int m = static_cast<int>(p.offsets[k + 1] - r0);
       const int* guesses = guessed ? side + p.hard_rows + r0 : nullptr;
       if (tentative_[level]) sound = load_damped(k, level++, guesses);
       sound = sound && rows_.load(offsets_[level], m, p.matrix + r0 * n_, p.rows - static_cast<int>(r0), p.lower + r0, p.upper + r0, guesses);
-      uneven_[level] = rows_.uneven;
+      uneven_levels_[level] = rows_.uneven;
     }
     if (!sound) return Outcome::not_finite;
     for (int j = 0; j < width_; ++j) {
@@ -186,7 +178,7 @@ class ActiveSetSearch {
       if (guess) guess[i] = i < m ? guesses[i] : 0;
     }
     const bool sound = rows_.load(offsets_[level], m + r, rows, m + r, low, up, guess);
-    uneven_[level] = rows_.uneven;
+    uneven_levels_[level] = rows_.uneven;
     return sound;
   }
   // What the damped level k reached is what its own rows, level k + 1, are to keep; the damping rows and the copies beside them are done.
@@ -212,13 +204,13 @@ class ActiveSetSearch {
     copy(move_, step_, width_);
     for (int k = levels - 1; k >= 0; --k) {
       if (turns_[k].r) turns_[k].back(move_, work_);
-      for (int t = first_[k + 1] - 1; t >= first_[k]; --t) reflect(move_, done_[t], column_[k] + t - first_[k], width_);
+      apply_q(move_, done_.below(first_[k]), first_[k + 1] - first_[k], column_[k], width_);
     }
   }
   // The coordinates of a step of x: those of the freedom that finished levels left stand last.
   void to_free(int levels, double* v) {
     for (int k = 0; k < levels; ++k) {
-      for (int t = first_[k]; t < first_[k + 1]; ++t) reflect(v, done_[t], column_[k] + t - first_[k], width_);
+      apply_q_transpose(v, done_.below(first_[k]), first_[k + 1] - first_[k], column_[k], width_);
       if (turns_[k].r) turns_[k].forward(v, work_);
     }
   }
@@ -271,6 +263,9 @@ class ActiveSetSearch {
       origin_[top + i] = top + i;
     }
   }
+  // Which held row, which counted row stands in row i of the factored matrix; `top`: where counted ones begin.
+  int held_at(int i) const { return held_[static_cast<int>(origin_[i])]; }
+  int counted_at(int top, int i) const { return counted_[static_cast<int>(origin_[top + i]) - top]; }
   int list_counted(int r0, int r1) {
     int count = 0;
     for (int i = r0; i < r1; ++i)
@@ -308,103 +303,14 @@ class ActiveSetSearch {
     *pivot = d.smallest;
     return d.rank;
   }
-  // The same for a level of rows of very different length, whose rank is proven, and what its counted rows then miss by: the part of
-  // `target` in the orthogonal complement of the factor, which is accurate in each row's own length (Cox and Higham 1998) where the
-  // difference of value and bound is not. By row: missed <- that, cosine <- how much of the row is in that complement, hidden <- what
-  // rounding of the factor may add.
-  HQP_APART void answer_uneven(int top, int count, int c, int r) {
-    Workspace::Scope scope(workspace_);
-    int* order = workspace_.counts(count);
-    const auto row_of = [&](int i) { return counted_[static_cast<int>(origin_[top + i]) - top]; };
-    for (int i = 0; i < count; ++i) order[i] = i;
-    std::sort(order, order + count, [&](int i, int j) { return rows_.norm[row_of(i)] > rows_.norm[row_of(j)]; });
-    Matrix T = make_matrix(workspace_, r, count), V = make_matrix(workspace_, r, count);
-    double *right = workspace_.numbers(T.stride), *unit = workspace_.numbers(T.stride);
-    double *column = workspace_.numbers(r), *lengths = workspace_.numbers(2 * static_cast<std::size_t>(r));
-    for (int q = 0; q < T.stride; ++q) right[q] = q < count ? target_[order[q]] : 0.0;
-    for (int j = 0; j < r; ++j) {
-      column[j] = j;
-      for (int q = 0; q < T.stride; ++q) T[j][q] = q < count ? matrix_[top + order[q]][c + j] : 0.0;
-    }
-    const int steps = lq(T, 0, r, 0, count, column, 0.0, V, lengths, T.stride);
-    for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
-    for (int j = steps - 1; j >= 0; --j) {
-      double s = right[j];
-      for (int i = j + 1; i < steps; ++i) s -= T[i][j] * step_[c + static_cast<int>(column[i])];
-      step_[c + static_cast<int>(column[j])] = s / T[j][j];
-    }
-    for (int j = 0; j < steps; ++j) right[j] = 0.0;
-    for (int j = steps - 1; j >= 0; --j) reflect(right, V[j], j, T.stride);
-    double pulls = 0.0;
-    for (int q = 0; q < count; ++q) {
-      const int row = row_of(order[q]);
-      missed_[row] = -right[q];
-      pulls += std::fabs(right[q]) * rows_.norm[row];
-    }
-    // Q^T e_q: behind the triangle how the row reaches the complement; before it, over the triangle, column q of the pseudo-inverse.
-    for (int q = 0; q < count; ++q) {
-      for (int l = 0; l < T.stride; ++l) unit[l] = l == q ? 1.0 : 0.0;
-      for (int j = 0; j < steps; ++j) reflect(unit, V[j], j, T.stride);
-      double cosine = 0.0, inverse = 0.0;
-      for (int l = steps; l < count; ++l) cosine += unit[l] * unit[l];
-      for (int j = steps - 1; j >= 0; --j) {
-        for (int i = j + 1; i < steps; ++i) unit[j] -= T[i][j] * unit[i];
-        unit[j] /= T[j][j];
-        inverse += unit[j] * unit[j];
-      }
-      const int row = row_of(order[q]);
-      cosine_[row] = std::sqrt(cosine);
-      hidden_[row] = tolerance::row_rounding * std::sqrt(inverse) * pulls;
-    }
-    precise_ = true;
-  }
-  // hidden (by row) <- what rounding may add to what a counted row misses by, at an x of this size.
-  HQP_APART void bound_hidden(int count, double size) {
-    double total = 0.0;
-    for (int i = 0; i < count; ++i) {
-      const int row = counted_[i];
-      total += cosine_[row] * tolerance::row_rounding * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
-    }
-    pull_ = hidden_pull_ = 0.0;
-    doubtful_ = false;
-    for (int i = 0; i < count; ++i) {
-      const int row = counted_[i];
-      hidden_[row] += cosine_[row] * total;
-      pull_ = std::max(pull_, std::fabs(missed_[row]) * rows_.norm[row]);
-      hidden_pull_ += hidden_[row] * rows_.norm[row];
-      doubtful_ = doubtful_ || hidden_[row] > tolerance::hidden_row * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
-    }
-  }
   // What a counted row misses by after the whole step; what rounding can explain is 0.
-  double missed_by(int row, double size) const {
-    if (!precise_) return rows_.residual(row, size);
-    return std::fabs(missed_[row]) > hidden_[row] ? missed_[row] : 0.0;
-  }
-  // A row of the level at its bound that rounding keeps from telling whether it holds others back there, because others beside it are at
-  // their bounds too; -1 for none. Without it they tell.
-  int hidden_row(int count) const {
-    for (int i = 0; i < count; ++i) {
-      const int row = counted_[i];
-      if (!rows_.equality(row) && !released_[row] && std::fabs(missed_[row]) <= hidden_[row] &&
-          hidden_[row] * rows_.norm[row] > tolerance::hidden_pull * pull_)
-        return row;
-    }
-    return -1;
-  }
-  // Releases such a row, once in a level; where none is left to release and what is hidden still weighs, the answer is to be verified.
-  bool release_hidden(int count, double residual) { return precise_ && residual > 0.0 && release_one(count); }
-  HQP_APART bool release_one(int count) {
-    const int row = hidden_row(count);
-    if (row >= 0) {
-      rows_.release(row);
-      released_[row] = 1;
-    } else if (doubtful_ || hidden_pull_ > tolerance::hidden_pull * pull_) {
-      smallest = 0.0;
-    }
-    return row >= 0;
-  }
-  void turn_back(double* v, int count, int c0) {
-    for (int t = count - 1; t >= 0; --t) reflect(v, V_[t], c0 + t, width_);
+  double missed_by(int row, double size) const { return uneven_.known ? uneven_.missed_by(row) : rows_.residual(row, size); }
+  // Releases a row of an uneven level that is hidden; where none is left and what is hidden still weighs, the answer is to be verified.
+  bool release_hidden(int count, double residual) {
+    if (!uneven_.known || !(residual > 0.0)) return false;
+    if (uneven_.release_hidden(counted_, count)) return true;
+    if (uneven_.doubtful()) smallest = 0.0;
+    return false;
   }
 
   // --- steps ---------------------------------------------------------------------------------------------------------------
@@ -427,7 +333,7 @@ class ActiveSetSearch {
     for (int i = 0; i < nB + nW; ++i) {
       double s = 0.0;
       if (i < nB) {
-        const int own = counted_[static_cast<int>(origin_[i])];
+        const int own = counted_at(0, i);
         s = rows_.bound(own) - rows_.value[own];
         sought = std::max(sought, std::fabs(s));
       } else {
@@ -438,7 +344,7 @@ class ActiveSetSearch {
       for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
       step_[c0 + i] = s / l[i];
     }
-    turn_back(step_, nB + nW, c0);
+    apply_q(step_, V_, nB + nW, c0, width_);
     return {true, sought, f.smallest};
   }
   // Gathers held and counted rows and factors the held ones; those that depend on others of them leave. Returns how many remain.
@@ -458,8 +364,8 @@ class ActiveSetSearch {
     for (int i = 0; i < r; ++i) smallest_held = std::min(smallest_held, std::fabs(matrix_[i][c0 + i]));
     if (r < nW) {
       smallest_held = 0.0;
-      for (int i = r; i < nW; ++i) rows_.release(held_[static_cast<int>(origin_[i])]);
-      for (int i = 0; i < r; ++i) list_[i] = held_[static_cast<int>(origin_[i])];
+      for (int i = r; i < nW; ++i) rows_.release(held_at(i));
+      for (int i = 0; i < r; ++i) list_[i] = held_at(i);
       for (int i = 0; i < r; ++i) {
         held_[i] = list_[i];
         origin_[i] = i;
@@ -472,6 +378,19 @@ class ActiveSetSearch {
     add_multiple(v, point_, -1.0, 0, width_);
     to_free(levels, v);
   }
+  // target <- what the counted rows, at `top`, miss their bounds by once held rows have moved by what `step` has in columns c0 ...
+  // c0 + nW - 1; returns the most that one misses by before that.
+  double target_counted(int top, int nB, int c0, int nW) {
+    double sought = 0.0;
+    for (int i = 0; i < nB; ++i) {
+      const int own = counted_at(top, i);
+      double s = rows_.bound(own) - rows_.value[own];
+      sought = std::max(sought, std::fabs(s));
+      for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
+      target_[i] = s;
+    }
+    return sought;
+  }
   struct Minimized {
     int reflectors = 0, rank = 0;
     double sought = 0.0, pivot = infinite;
@@ -483,18 +402,18 @@ class ActiveSetSearch {
   Minimized step_to_minimizer(int k, int r0, int r1, bool last, int top, int nW, int nB, int c0, double size, Turn& turn) {
     Minimized found;
     turn.r = 0;
-    precise_ = false;
+    uneven_.known = false;
     if (last) {
       toward_goal(k, step_);
       for (int j = 0; j < c0; ++j) step_[j] = 0.0;
       for (int j = c0; j < n_; ++j) found.sought += std::fabs(step_[j]);
-      for (int t = 0; t < nW; ++t) reflect(step_, V_[t], c0 + t, width_);
+      apply_q_transpose(step_, V_, nW, c0, width_);
       for (int j = 0; j < nW; ++j) gradient_[j] = -step_[c0 + j];
     } else {
       fill(step_, 0.0, width_);
     }
     for (int i = 0; i < nW; ++i) {  // held rows go (back) to their bounds
-      const int row = held_[static_cast<int>(origin_[i])];
+      const int row = held_at(i);
       double s = -rows_.residual(row, size) / rows_.norm[row];
       found.to_bounds = found.to_bounds || s != 0.0;
       const double* l = matrix_[i] + c0;
@@ -504,36 +423,26 @@ class ActiveSetSearch {
     }
     if (nB && nB > n_ - c0 - nW && n_ - c0 - nW > 1 && !unproven_) {  // nothing is free behind it: one QR of its rows will do
       const int d = n_ - c0 - nW;
-      for (int i = 0; i < nB; ++i) {
-        double s = rows_.bound(counted_[i]) - rows_.value[counted_[i]];
-        found.sought = std::max(found.sought, std::fabs(s));
-        for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
-        target_[i] = s;
-      }
+      found.sought = target_counted(top, nB, c0, nW);
       const Factored f = tall_level(matrix_, top, nB, c0 + nW, d, rows_.level_norm(r0, r1), tol_, target_, step_ + c0 + nW, workspace_);
       if (f.proven) {
         found.rank = d;
         found.pivot = f.smallest;
-        turn_back(step_, nW, c0);
+        apply_q(step_, V_, nW, c0, width_);
         return found;
       }
       unproven_ = true;
     }
     if (nB) {
       const Factored f = factor_own(r0, r1, top, nB, top + nB, c0 + nW, nW);
-      for (int i = 0; i < nB; ++i) {
-        const int own = counted_[static_cast<int>(origin_[top + i]) - top];
-        double s = rows_.bound(own) - rows_.value[own];
-        found.sought = std::max(found.sought, std::fabs(s));
-        for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
-        target_[i] = s;
-      }
+      found.sought = target_counted(top, nB, c0, nW);
       found.reflectors = f.reflectors;
-      if (uneven_[k] && f.proven && f.reflectors < nB) {
+      if (uneven_levels_[k] && f.proven && f.reflectors < nB) {
         found.rank = f.reflectors;
         found.pivot = f.smallest;
-        answer_uneven(top, nB, c0 + nW, f.reflectors);
-        bound_hidden(nB, size + found.sought + length(step_));
+        for (int i = 0; i < nB; ++i) list_[i] = counted_at(top, i);
+        uneven_.solve(matrix_, top, nB, c0 + nW, f.reflectors, list_, target_, step_ + c0 + nW);
+        uneven_.bound_rounding(counted_, nB, size + found.sought + length(step_));
       } else {
         found.rank = answer_level(k, r0, r1, top, nB, c0 + nW, f, turn, &found.pivot);
       }
@@ -542,7 +451,7 @@ class ActiveSetSearch {
         turn.back(step_, work_);
       }
     }
-    turn_back(step_, nW + found.reflectors, c0);
+    apply_q(step_, V_, nW + found.reflectors, c0, width_);
     return found;
   }
   // next <- x + move; its length.
@@ -625,7 +534,7 @@ class ActiveSetSearch {
     if (!last) {
       for (int j = 0; j < nW; ++j) gradient_[j] = 0.0;
       for (int i = 0; i < nB; ++i) {
-        const double w = missed_by(counted_[static_cast<int>(origin_[top + i]) - top], size);
+        const double w = missed_by(counted_at(top, i), size);
         for (int j = 0; j < nW; ++j) gradient_[j] += w * matrix_[top + i][c0 + j];
       }
     }
@@ -656,7 +565,7 @@ class ActiveSetSearch {
   // What of a multiplier is rounding error. Damping rows weigh against residuals of the level's own rows that they alone leave, and
   // those are known to the rounding of the rows' values.
   double floor_of(int k, double residual, double size) const {
-    if (precise_) return tolerance::multiplier_rounding * pull_ + hidden_pull_;
+    if (uneven_.known) return uneven_.multiplier_floor();
     const double floor = tolerance::multiplier_rounding * std::max(residual, tolerance::eps * size);
     return tentative(k) ? std::max(floor, tolerance::row_rounding * size) : floor;
   }
@@ -762,12 +671,12 @@ class ActiveSetSearch {
   Searched search_level(int k, int r0, int r1, bool last, int nW, int c0, bool pivoted) {
     const int end = r1;
     const int most = n_ - c0;
-    unproven_ = k < p_ && uneven_[k];  // those are answered row by row
+    unproven_ = k < p_ && uneven_levels_[k];  // those are answered row by row
     int blocks = block_pivots;
     int idle = 0, last_left = -1, newest = -1;
     bool guess = true;
     for (int i = 0; i < end; ++i) stays_[i] = passed_[i] = 0;
-    for (int i = r0; i < r1; ++i) released_[i] = 0;
+    uneven_.begin_level(r0, r1);
     for (int i = r0; i < r1; ++i) guess = guess && rows_.equality(i);
     for (;;) {
       const bool bland = idle > n_;
@@ -877,8 +786,9 @@ class ActiveSetSearch {
       double pull = 0.0;
       for (int i = r0; i < r1; ++i)
         if (rows_.working[i]) pull = std::max(pull, rows_.norm[i] * rows_.norm[i]);
-      const double floor = precise_ ? tolerance::multiplier_rounding * pull_ + hidden_pull_
-                                    : std::max(tolerance::multiplier_rounding * residual, tolerance::row_rounding * pull * size);
+      const double floor = uneven_.known
+                               ? uneven_.multiplier_floor()
+                               : std::max(tolerance::multiplier_rounding * residual, tolerance::row_rounding * pull * size);
       int still = 0;
       for (int i = 0; i < nW; ++i) {
         const int row = held_[i];
@@ -928,7 +838,7 @@ class ActiveSetSearch {
       if (c0 == n_) break;
       rows_.set_values(point_, r0, r1);
       if (!enter_level(r0, r1, size) && !last) {  // met where the search stands
-        precise_ = false;
+        uneven_.known = false;
         settle(r0, r1, nW, 0.0, size);
         keep_turns(k, 0, Turn{}, c0);
         continue;
@@ -937,7 +847,7 @@ class ActiveSetSearch {
       const int started = nW;
       nW = enter_guessed(r0, nW, n_ - c0);
       Searched s{Outcome::solved, nW, 0, 0, 0, 0, 0.0, infinite, size, {}};
-      precise_ = false;
+      uneven_.known = false;
       Met met{false, true, nW, 0, 0.0, 0.0};
       if (!last) met = meet_level(k, r0, r1, nW, c0);
       if (!met.sound) return Outcome::not_finite;
@@ -1003,8 +913,9 @@ class ActiveSetSearch {
   const double depends_;
   Workspace& workspace_;
   Rows rows_;
+  UnevenResiduals<W> uneven_;  // of the counted rows of a level whose rows are of very different length
   int* offsets_;
-  int* uneven_;       // of each level, whether its rows are of very different length
+  int* uneven_levels_;  // of each level, whether its rows are of very different length
   int* tentative_;    // of each level, whether it is a damped one, followed by its own rows
   Matrix matrix_;     // held rows and counted rows of a step, factored
   Matrix V_;          // their reflectors, one for each column from the level's first on
@@ -1013,18 +924,12 @@ class ActiveSetSearch {
   Turn* turns_;       // what singular values turned after them
   int *first_, *column_;
   int *held_, *counted_, *list_;
-  int* released_;     // rows of the level that were released as hidden
   int* passed_;       // rows that depend on held ones and stopped a step of length zero
   int* stays_;        // rows that came back at once when they left: their multiplier is rounding error until x moves
   double* origin_;    // which listed row stands where after the factorization's swaps
   double* target_;
   double* multiplier_;
   double* gradient_;
-  // Of each counted row of an uneven level: what it misses by, what of that may be rounding error, see `answer_uneven`.
-  double *missed_, *hidden_, *cosine_;
-  double pull_ = 0.0, hidden_pull_ = 0.0;  // the most that a counted row pulls, and what of multipliers may be rounding error
-  bool doubtful_ = false;  // whether rounding may move a counted row of that level visibly
-  bool precise_ = false;   // whether these are those of the last step
   double *work_, *lengths_;
   double *point_, *step_, *move_, *next_, *goal_;
 };

@@ -83,7 +83,7 @@ inline void equality_answer(Matrix A, const double* b, int rows, Matrix E, const
       level_least_squares(W, a, rows, rE, r, residual, workspace);
       for (int j = 0; j < r; ++j) step[rE + j] = residual[j];
     }
-    for (int j = rE + r - 1; j >= 0; --j) reflect(step, V[j], j, W.stride);
+    apply_q(step, V, rE + r, 0, W.stride);
     for (int j = 0; j < n; ++j) t_new[j] += step[j];
   }
   for (int i = 0; i < a; ++i) multipliers[i] = 0.0;
@@ -94,7 +94,7 @@ inline void equality_answer(Matrix A, const double* b, int rows, Matrix E, const
     for (int j = 0; j < n; ++j) s += A[i][j] * t_new[j];
     add_multiple(step, A[i], s, 0, W.stride);
   }
-  for (int j = 0; j < rE; ++j) reflect(step, V[j], j, W.stride);
+  apply_q_transpose(step, V, rE, 0, W.stride);
   for (int i = rE - 1; i >= 0; --i) {
     double s = -step[i];
     for (int j = i + 1; j < rE; ++j) s -= W[j][i] * multipliers[static_cast<int>(order[j])];

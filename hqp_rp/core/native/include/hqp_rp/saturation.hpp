@@ -50,12 +50,11 @@ class Split {
     reflect_rows_by_all(Q, 0, d, V_, r_, 0, Q.stride);
     singular_ = r_ > 0 && !(zero * inverse_norm(work_, 0, 0, r_, lengths_) < 1.0);
     if (!singular_) return;
-    for (int j = 0; j < r_; ++j)
-      for (int i = 0; i < T_.stride; ++i) T_[j][i] = i >= j && i < m ? work_[i][j] : 0.0;
+    transpose_triangle(T_, work_, 0, m, 0, r_);
     orthogonalize_rows(T_, r_, turn_V_, sigma_, T_.stride);
     Turn turn{turn_V_, r_, 0};
     for (int i = 0; i < d; ++i) turn.forward(Q[i], lengths_);
-    for (rank = 0; rank < r_ && sigma_[rank] > zero;) ++rank;
+    rank = count_above(sigma_, r_, zero);
   }
 
   // y (d,) <- the least-norm minimizer of ||B y - t||, t (m,).
