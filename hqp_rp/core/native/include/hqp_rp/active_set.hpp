@@ -73,8 +73,8 @@ class ActiveSetSearch {
     for (int k = 0; k <= p_; ++k) pages_[k] = Matrix{};
     first_ = workspace.counts(p_ + 2);
     column_ = workspace.counts(p_ + 1);
-    held_ = workspace.counts(size);
-    counted_ = workspace.counts(size);
+    held_rows_ = workspace.counts(size);
+    counted_rows_ = workspace.counts(size);
     list_ = workspace.counts(size);
     stays_ = workspace.counts(M + 1);
     passed_ = workspace.counts(M + 1);
@@ -155,9 +155,7 @@ class ActiveSetSearch {
       const double over = std::max(value - up, low - value);
       if (!(over > 0.0)) continue;
       const double b = value > up ? up : low;
-      double square = 0.0;
-      for (int j = 0; j < n_; ++j) square += a[j] * a[j];
-      if (over > tolerance::hard_kept * (std::sqrt(square) * size + std::fabs(b))) return false;
+      if (over > tolerance::hard_kept * (length_of(a, n_) * size + std::fabs(b))) return false;
     }
     return true;
   }
@@ -250,7 +248,7 @@ class ActiveSetSearch {
 
   void gather_held(int levels, int count, int top) {
     for (int i = 0; i < count; ++i) {
-      const int row = held_[i];
+      const int row = held_rows_[i];
       if (rows_.turned[row] != levels) turn_rows(row, row + 1, levels);
       copy(matrix_[top + i], rows_.T[row], width_);
       if (rows_.norm[row] > 0.0) scale_row(matrix_[top + i], 1.0 / rows_.norm[row], width_);
@@ -263,13 +261,13 @@ class ActiveSetSearch {
       origin_[top + i] = top + i;
     }
   }
-  // Which held row, which counted row stands in row i of the factored matrix; `top`: where counted ones begin.
-  int held_at(int i) const { return held_[static_cast<int>(origin_[i])]; }
-  int counted_at(int top, int i) const { return counted_[static_cast<int>(origin_[top + i]) - top]; }
+  // The held row that stands in row i of the factored matrix; the counted row that stands in row top + i.
+  int held_at(int i) const { return held_rows_[static_cast<int>(origin_[i])]; }
+  int counted_at(int top, int i) const { return counted_rows_[static_cast<int>(origin_[top + i]) - top]; }
   int list_counted(int r0, int r1) {
     int count = 0;
     for (int i = r0; i < r1; ++i)
-      if (rows_.working[i]) counted_[count++] = i;
+      if (rows_.working[i]) counted_rows_[count++] = i;
     return count;
   }
   // LQ of rows i0 ... i1 - 1 of the matrix from column c on; rows up to `end` are turned too. Reflectors from V[t0] on.
@@ -308,7 +306,7 @@ class ActiveSetSearch {
   // Releases a row of an uneven level that is hidden; where none is left and what is hidden still weighs, the answer is to be verified.
   bool release_hidden(int count, double residual) {
     if (!uneven_.known || !(residual > 0.0)) return false;
-    if (uneven_.release_hidden(counted_, count)) return true;
+    if (uneven_.release_hidden(counted_rows_, count)) return true;
     if (uneven_.doubtful()) smallest = 0.0;
     return false;
   }
@@ -320,54 +318,58 @@ class ActiveSetSearch {
     double sought;  // what the step is after, as a length
     double pivot;
   };
+  // Entry i of the y with L y = s, from those before it, which stand in `step`; L in columns c0 ... of the matrix.
+  double substituted(int i, int c0, double s) const {
+    const double* l = matrix_[i] + c0;
+    for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
+    return s / l[i];
+  }
   // step <- the way to where all of the counted and held rows are at their bounds; counted ones, factored first, stay factored.
-  Reached reach_level(int k, int r0, int r1, int nW, int nB, int c0, double size) {
-    if (nB + nW > n_ - c0) return {false, 0.0, 0.0};
-    gather_counted(counted_, nB, 0);
-    gather_held(k, nW, nB);
-    const Factored f = factor_own(r0, r1, 0, nB, nB + nW, c0, 0);
-    if (f.reflectors < nB || !f.proven) return {false, 0.0, 0.0};
-    if (nW && factor(nB, nB + nW, c0 + nB, nB + nW, tolerance::apart, nB) < nW) return {false, 0.0, 0.0};
+  Reached reach_level(int k, int r0, int r1, int held, int counted, int c0, double size) {
+    if (counted + held > n_ - c0) return {false, 0.0, 0.0};
+    gather_counted(counted_rows_, counted, 0);
+    gather_held(k, held, counted);
+    const Factored f = factor_own(r0, r1, 0, counted, counted + held, c0, 0);
+    if (f.reflectors < counted || !f.proven) return {false, 0.0, 0.0};
+    if (held && factor(counted, counted + held, c0 + counted, counted + held, tolerance::apart, counted) < held) return {false, 0.0, 0.0};
     fill(step_, 0.0, width_);
     double sought = 0.0;
-    for (int i = 0; i < nB + nW; ++i) {
+    for (int i = 0; i < counted + held; ++i) {
       double s = 0.0;
-      if (i < nB) {
+      if (i < counted) {
         const int own = counted_at(0, i);
         s = rows_.bound(own) - rows_.value[own];
         sought = std::max(sought, std::fabs(s));
       } else {
-        const int row = held_[static_cast<int>(origin_[i]) - nB];
+        const int row = held_rows_[static_cast<int>(origin_[i]) - counted];
         s = -rows_.residual(row, size) / rows_.norm[row];
       }
-      const double* l = matrix_[i] + c0;
-      for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
-      step_[c0 + i] = s / l[i];
+      step_[c0 + i] = substituted(i, c0, s);
     }
-    apply_q(step_, V_, nB + nW, c0, width_);
+    apply_q(step_, V_, counted + held, c0, width_);
     return {true, sought, f.smallest};
   }
   // Gathers held and counted rows and factors the held ones; those that depend on others of them leave. Returns how many remain.
   // newest (-1 for none): the row that stopped a step of length zero. Where it depends on the others, the point is a degenerate vertex
   // and what carried the row across its bound rounding: it is passed, and may not stop a step until the working set is another.
-  int factor_held(int k, int nW, int nB, int c0, int newest) {
-    gather_held(k, nW, 0);
-    gather_counted(counted_, nB, nW);
-    if (nW == 0) return 0;
-    const int r = factor(0, nW, c0, nW + nB, depends_, 0);
-    if (r < nW && newest >= 0) {
+  int factor_held(int k, int held, int counted, int c0, int newest) {
+    gather_held(k, held, 0);
+    gather_counted(counted_rows_, counted, held);
+    if (held == 0) return 0;
+    const int r = factor(0, held, c0, held + counted, depends_, 0);
+    if (r < held && newest >= 0) {
       smallest_held = 0.0;
       rows_.release(newest);
       passed_[newest] = 1;
-      return factor_held(k, rows_.compress(held_, nW), nB, c0, -1);
+      return factor_held(k, rows_.compress(held_rows_, held), counted, c0, -1);
     }
     for (int i = 0; i < r; ++i) smallest_held = std::min(smallest_held, std::fabs(matrix_[i][c0 + i]));
-    if (r < nW) {
+    if (r < held) {
       smallest_held = 0.0;
-      for (int i = r; i < nW; ++i) rows_.release(held_at(i));
+      for (int i = r; i < held; ++i) rows_.release(held_at(i));
       for (int i = 0; i < r; ++i) list_[i] = held_at(i);
       for (int i = 0; i < r; ++i) {
-        held_[i] = list_[i];
+        held_rows_[i] = list_[i];
         origin_[i] = i;
       }
     }
@@ -379,14 +381,14 @@ class ActiveSetSearch {
     to_free(levels, v);
   }
   // target <- what the counted rows, at `top`, miss their bounds by once held rows have moved by what `step` has in columns c0 ...
-  // c0 + nW - 1; returns the most that one misses by before that.
-  double target_counted(int top, int nB, int c0, int nW) {
+  // c0 + held - 1; returns the most that one misses by before that.
+  double target_counted(int top, int counted, int c0, int held) {
     double sought = 0.0;
-    for (int i = 0; i < nB; ++i) {
+    for (int i = 0; i < counted; ++i) {
       const int own = counted_at(top, i);
       double s = rows_.bound(own) - rows_.value[own];
       sought = std::max(sought, std::fabs(s));
-      for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
+      for (int j = c0; j < c0 + held; ++j) s -= matrix_[top + i][j] * step_[j];
       target_[i] = s;
     }
     return sought;
@@ -399,7 +401,7 @@ class ActiveSetSearch {
   // step <- the way to the minimizer over the working set, from the factored held rows; factors the counted ones (at `top`).
   //
   // In the `last` level, what is minimized is ||x - goal||; `gradient` then is its gradient along the held rows.
-  Minimized step_to_minimizer(int k, int r0, int r1, bool last, int top, int nW, int nB, int c0, double size, Turn& turn) {
+  Minimized step_to_minimizer(int k, int r0, int r1, bool last, int top, int held, int counted, int c0, double size, Turn& turn) {
     Minimized found;
     turn.r = 0;
     uneven_.known = false;
@@ -407,51 +409,49 @@ class ActiveSetSearch {
       toward_goal(k, step_);
       for (int j = 0; j < c0; ++j) step_[j] = 0.0;
       for (int j = c0; j < n_; ++j) found.sought += std::fabs(step_[j]);
-      apply_q_transpose(step_, V_, nW, c0, width_);
-      for (int j = 0; j < nW; ++j) gradient_[j] = -step_[c0 + j];
+      apply_q_transpose(step_, V_, held, c0, width_);
+      for (int j = 0; j < held; ++j) gradient_[j] = -step_[c0 + j];
     } else {
       fill(step_, 0.0, width_);
     }
-    for (int i = 0; i < nW; ++i) {  // held rows go (back) to their bounds
+    for (int i = 0; i < held; ++i) {  // held rows go (back) to their bounds
       const int row = held_at(i);
       double s = -rows_.residual(row, size) / rows_.norm[row];
       found.to_bounds = found.to_bounds || s != 0.0;
-      const double* l = matrix_[i] + c0;
-      for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
-      step_[c0 + i] = s / l[i];
+      step_[c0 + i] = substituted(i, c0, s);
       if (last) gradient_[i] += step_[c0 + i];
     }
-    if (nB && nB > n_ - c0 - nW && n_ - c0 - nW > 1 && !unproven_) {  // nothing is free behind it: one QR of its rows will do
-      const int d = n_ - c0 - nW;
-      found.sought = target_counted(top, nB, c0, nW);
-      const Factored f = tall_level(matrix_, top, nB, c0 + nW, d, rows_.level_norm(r0, r1), tol_, target_, step_ + c0 + nW, workspace_);
+    if (counted && counted > n_ - c0 - held && n_ - c0 - held > 1 && !unproven_) {  // nothing is free behind it
+      const int d = n_ - c0 - held;
+      found.sought = target_counted(top, counted, c0, held);
+      const Factored f = tall_level(matrix_, top, counted, c0 + held, d, rows_.level_norm(r0, r1), tol_, target_, step_ + c0 + held, workspace_);
       if (f.proven) {
         found.rank = d;
         found.pivot = f.smallest;
-        apply_q(step_, V_, nW, c0, width_);
+        apply_q(step_, V_, held, c0, width_);
         return found;
       }
       unproven_ = true;
     }
-    if (nB) {
-      const Factored f = factor_own(r0, r1, top, nB, top + nB, c0 + nW, nW);
-      found.sought = target_counted(top, nB, c0, nW);
+    if (counted) {
+      const Factored f = factor_own(r0, r1, top, counted, top + counted, c0 + held, held);
+      found.sought = target_counted(top, counted, c0, held);
       found.reflectors = f.reflectors;
-      if (uneven_levels_[k] && f.proven && f.reflectors < nB) {
+      if (uneven_levels_[k] && f.proven && f.reflectors < counted) {
         found.rank = f.reflectors;
         found.pivot = f.smallest;
-        for (int i = 0; i < nB; ++i) list_[i] = counted_at(top, i);
-        uneven_.solve(matrix_, top, nB, c0 + nW, f.reflectors, list_, target_, step_ + c0 + nW);
-        uneven_.bound_rounding(counted_, nB, size + found.sought + length(step_));
+        for (int i = 0; i < counted; ++i) list_[i] = counted_at(top, i);
+        uneven_.solve(matrix_, top, counted, c0 + held, f.reflectors, list_, target_, step_ + c0 + held);
+        uneven_.bound_rounding(counted_rows_, counted, size + found.sought + length(step_));
       } else {
-        found.rank = answer_level(k, r0, r1, top, nB, c0 + nW, f, turn, &found.pivot);
+        found.rank = answer_level(k, r0, r1, top, counted, c0 + held, f, turn, &found.pivot);
       }
       if (turn.r) {
-        for (int j = found.rank; j < turn.r; ++j) step_[c0 + nW + j] = 0.0;
+        for (int j = found.rank; j < turn.r; ++j) step_[c0 + held + j] = 0.0;
         turn.back(step_, work_);
       }
     }
-    apply_q(step_, V_, nW + found.reflectors, c0, width_);
+    apply_q(step_, V_, held + found.reflectors, c0, width_);
     return found;
   }
   // next <- x + move; its length.
@@ -495,19 +495,19 @@ class ActiveSetSearch {
     }
     return true;
   }
-  int enter_guessed(int r0, int nW, int most) {
+  int enter_guessed(int r0, int held, int most) {
     for (int i = 0; i < r0; ++i) {
       const int guess = rows_.guess[i];
-      if (!guess || rows_.state[i] != Rows::kept || rows_.working[i] || nW >= most) continue;
+      if (!guess || rows_.state[i] != Rows::kept || rows_.working[i] || held >= most) continue;
       if (std::fabs(guess > 0 ? rows_.up[i] : rows_.low[i]) < infinite) {
         rows_.activate(i, guess);
-        held_[nW++] = i;
+        held_rows_[held++] = i;
       }
     }
-    return nW;
+    return held;
   }
   // The working set of the point where the search stands: rows of the level that it violates, of held rows those at their bounds.
-  int start_from_values(int r0, int r1, int nW, double size) {
+  int start_from_values(int r0, int r1, int held, double size) {
     for (int i = r0; i < r1; ++i) {
       if (rows_.equality(i) || rows_.value[i] > rows_.up[i])
         rows_.activate(i, 1);
@@ -516,31 +516,31 @@ class ActiveSetSearch {
       else
         rows_.release(i);
     }
-    for (int i = 0; i < nW; ++i)
-      if (rows_.residual(held_[i], size) != 0.0) rows_.release(held_[i]);
-    return rows_.compress(held_, nW);
+    for (int i = 0; i < held; ++i)
+      if (rows_.residual(held_rows_[i], size) != 0.0) rows_.release(held_rows_[i]);
+    return rows_.compress(held_rows_, held);
   }
   // Multipliers of held rows from L^T multiplier = -gradient; returns the largest residual, or in the last level ||gradient||.
-  double multipliers(int top, int nW, int nB, int c0, bool last, double size) {
+  double multipliers(int top, int held, int counted, int c0, bool last, double size) {
     double residual = 0.0;
-    for (int i = 0; i < nB; ++i) residual = std::max(residual, std::fabs(missed_by(counted_[i], size)));
-    for (int i = 0; i < nW; ++i) multiplier_[i] = 0.0;
+    for (int i = 0; i < counted; ++i) residual = std::max(residual, std::fabs(missed_by(counted_rows_[i], size)));
+    for (int i = 0; i < held; ++i) multiplier_[i] = 0.0;
     if (last) {
       residual = 0.0;
-      for (int i = 0; i < nW; ++i) residual += gradient_[i] * gradient_[i];
+      for (int i = 0; i < held; ++i) residual += gradient_[i] * gradient_[i];
       residual = std::sqrt(residual);
     }
-    if (nW == 0 || residual == 0.0) return residual;
+    if (held == 0 || residual == 0.0) return residual;
     if (!last) {
-      for (int j = 0; j < nW; ++j) gradient_[j] = 0.0;
-      for (int i = 0; i < nB; ++i) {
+      for (int j = 0; j < held; ++j) gradient_[j] = 0.0;
+      for (int i = 0; i < counted; ++i) {
         const double w = missed_by(counted_at(top, i), size);
-        for (int j = 0; j < nW; ++j) gradient_[j] += w * matrix_[top + i][c0 + j];
+        for (int j = 0; j < held; ++j) gradient_[j] += w * matrix_[top + i][c0 + j];
       }
     }
-    for (int i = nW - 1; i >= 0; --i) {
+    for (int i = held - 1; i >= 0; --i) {
       double s = -gradient_[i];
-      for (int j = i + 1; j < nW; ++j) s -= matrix_[j][c0 + i] * multiplier_[static_cast<int>(origin_[j])];
+      for (int j = i + 1; j < held; ++j) s -= matrix_[j][c0 + i] * multiplier_[static_cast<int>(origin_[j])];
       multiplier_[static_cast<int>(origin_[i])] = s / matrix_[i][c0 + i];
     }
     return residual;
@@ -550,7 +550,7 @@ class ActiveSetSearch {
     return rows_.equality(row) ? 0.0 : -missed_by(row, size) * rows_.side[row];
   }
   double wrong_of_held(int i, double floor) const {
-    const double wrong = -multiplier_[i] * rows_.side[held_[i]];
+    const double wrong = -multiplier_[i] * rows_.side[held_rows_[i]];
     return wrong > floor ? wrong : 0.0;
   }
   // Releases a row, or turns it to its other bound when a step carried it across a narrow band.
@@ -576,47 +576,47 @@ class ActiveSetSearch {
   bool tentative(int k) const { return k < p_ && tentative_[k] != 0; }
   // The row whose multiplier is most wrong, by Bland's rule the first such row; -1 at the optimum.
   // `doubt` times as wrong as rounding explains it has to be.
-  int row_to_leave(int k, int nW, int nB, double residual, double size, bool bland, double doubt) const {
+  int row_to_leave(int k, int held, int counted, double residual, double size, bool bland, double doubt) const {
     int worst = -1;
     double largest = 0.0;
     const auto consider = [&](int row, double wrong) {
       if (wrong > 0.0 && !stays_[row] && (worst < 0 || (bland ? row < worst : wrong > largest))) largest = wrong, worst = row;
     };
-    for (int i = 0; i < nB; ++i) consider(counted_[i], wrong_of_level(counted_[i], size));
+    for (int i = 0; i < counted; ++i) consider(counted_rows_[i], wrong_of_level(counted_rows_[i], size));
     if (residual > 0.0)
-      for (int i = 0; i < nW; ++i) consider(held_[i], wrong_of_held(i, doubt * floor_of(k, residual, size)));
+      for (int i = 0; i < held; ++i) consider(held_rows_[i], wrong_of_held(i, doubt * floor_of(k, residual, size)));
     return worst;
   }
   struct Crossed {
-    int nW;
+    int held;
     int rows;  // that entered or wanted to
   };
   // Every row that the step's end violates enters; `size` is that of the level's own rows, `now` the length of x there. What the level
   // seeks, which may be far beyond x, explains no violation of the others.
-  Crossed enter_crossed(int end, int r0, int nW, int most, double size, double now, double span) {
+  Crossed enter_crossed(int end, int r0, int held, int most, double size, double now, double span) {
     int crossed = 0;
     for (int i = 0; i < end; ++i) {
       const bool own = i >= r0;
       if (rows_.working[i] || !rows_.takes_part(i, r0) || !rows_.beyond(i, own ? size : now + span)) continue;
       if (!own && std::fabs(rows_.change[i]) <= 2.0 * depends_ * rows_.norm[i] * span) continue;  // it depends on held rows
       ++crossed;
-      if (!own && nW >= most) continue;
+      if (!own && held >= most) continue;
       rows_.activate(i, rows_.value[i] > rows_.up[i] ? 1 : -1);
-      if (!own) held_[nW++] = i;
+      if (!own) held_rows_[held++] = i;
     }
-    return {nW, crossed};
+    return {held, crossed};
   }
   // Held rows become the guessed ones.
-  int enter_guess(int k, int r0, int r1, bool last, int nW, int c0) {
+  int enter_guess(int k, int r0, int r1, bool last, int held, int c0) {
     turn_rows(0, r0, k);
     if (last) toward_goal(k, next_);
     guess_working_set(rows_, r0, r1, c0, n_ - c0, next_, workspace_);
-    for (int i = 0; i < nW; ++i) rows_.release(held_[i]);
+    for (int i = 0; i < held; ++i) rows_.release(held_rows_[i]);
     int count = 0;
     for (int i = 0; i < r0; ++i) {
       if (!rows_.guess[i] || rows_.state[i] != Rows::kept || count >= n_ - c0) continue;
       rows_.activate(i, rows_.guess[i]);
-      held_[count++] = i;
+      held_rows_[count++] = i;
     }
     return count;
   }
@@ -625,50 +625,50 @@ class ActiveSetSearch {
 
   struct Met {
     bool met, sound;
-    int nW, nB;
+    int held, counted;
     double pivot, size;
   };
   // Steps to where all counted and held rows are at their bounds, and lets rows that this would violate enter.
-  Met meet_level(int k, int r0, int r1, int nW, int c0) {
-    int nB = list_counted(r0, r1);
+  Met meet_level(int k, int r0, int r1, int held, int c0) {
+    int counted = list_counted(r0, r1);
     for (int tried = 0; tried < reaches && iterations < limit_; ++tried) {
       const double begun = length(point_);
-      const Reached reached = reach_level(k, r0, r1, nW, nB, c0, begun);
+      const Reached reached = reach_level(k, r0, r1, held, counted, c0, begun);
       if (!reached.independent) break;
       ++iterations;
       from_free(k);
       const double span = length(step_);
       if (!(span > tolerance::step_rounding * (begun + reached.sought)))
-        return {true, true, nW, nB, reached.pivot, begun + reached.sought};
+        return {true, true, held, counted, reached.pivot, begun + reached.sought};
       const int outside = rows_.try_step(move_, r1, r0);
       const double now = try_next();
       const double size = now + reached.sought;
       bool missed = false;
-      for (int i = 0; i < nB && !missed; ++i) missed = rows_.residual(counted_[i], size) != 0.0;
-      Crossed crossed{nW, 0};
-      if (!missed && outside) crossed = enter_crossed(r1, r0, nW, n_ - c0, size, now, span);
-      nW = crossed.nW;
+      for (int i = 0; i < counted && !missed; ++i) missed = rows_.residual(counted_rows_[i], size) != 0.0;
+      Crossed crossed{held, 0};
+      if (!missed && outside) crossed = enter_crossed(r1, r0, held, n_ - c0, size, now, span);
+      held = crossed.held;
       if (!missed && crossed.rows == 0) {
         const bool sound = move_to_next(now);
-        if (!came_from_afar(r1, begun, now)) return {true, sound, nW, nB, reached.pivot, size};
+        if (!came_from_afar(r1, begun, now)) return {true, sound, held, counted, reached.pivot, size};
         continue;
       }
       rows_.set_length(r1, r0, 0.0);
       if (missed) break;
-      nB = list_counted(r0, r1);
+      counted = list_counted(r0, r1);
     }
-    return {false, true, nW, nB, 0.0, 0.0};
+    return {false, true, held, counted, 0.0, 0.0};
   }
 
   struct Searched {
-    Outcome outcome;
-    int nW, factored, nB;  // held rows, those of them in the last factorization, counted rows
-    int reflectors, rank;  // of the counted rows
-    double residual, pivot, size;
-    Turn turn;
+    Outcome outcome = Outcome::solved;
+    int held = 0, factored = 0, counted = 0;  // held rows, those of them in the last factorization, counted rows
+    int reflectors = 0, rank = 0;             // of the counted rows
+    double residual = 0.0, pivot = 0.0, size = 0.0;
+    Turn turn = {};
   };
   // Minimizes level k; `pivoted` when the held rows are not those of the start any more.
-  Searched search_level(int k, int r0, int r1, bool last, int nW, int c0, bool pivoted) {
+  Searched search_level(int k, int r0, int r1, bool last, int held, int c0, bool pivoted) {
     const int end = r1;
     const int most = n_ - c0;
     unproven_ = k < p_ && uneven_levels_[k];  // those are answered row by row
@@ -680,18 +680,18 @@ class ActiveSetSearch {
     for (int i = r0; i < r1; ++i) guess = guess && rows_.equality(i);
     for (;;) {
       const bool bland = idle > n_;
-      if (++iterations > limit_) return {Outcome::iteration_limit, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+      if (++iterations > limit_) return {Outcome::iteration_limit};
       if (pivoted && guess) {
         guess = false;
-        nW = enter_guess(k, r0, r1, last, nW, c0);
+        held = enter_guess(k, r0, r1, last, held, c0);
       }
-      const int nB = list_counted(r0, r1);
-      const int top = nW;
-      nW = factor_held(k, nW, nB, c0, newest);
+      const int counted = list_counted(r0, r1);
+      const int top = held;
+      held = factor_held(k, held, counted, c0, newest);
       newest = -1;
       const double begun = length(point_);
       Turn turn;
-      const Minimized m = step_to_minimizer(k, r0, r1, last, top, nW, nB, c0, begun, turn);
+      const Minimized m = step_to_minimizer(k, r0, r1, last, top, held, counted, c0, begun, turn);
       double size = begun + m.sought;  // the rounding error of what the step is after counts like that of x
       from_free(k);
       const double span = length(step_);
@@ -704,38 +704,38 @@ class ActiveSetSearch {
         --blocks;
         const double now = moves ? try_next() : begun;
         size = now + m.sought;
-        const double residual = multipliers(top, nW, nB, c0, last, size);
-        const int before = nW;
+        const double residual = multipliers(top, held, counted, c0, last, size);
+        const int before = held;
         int left = 0;
-        for (int i = 0; i < nB; ++i)
-          if (wrong_of_level(counted_[i], size) > 0.0) {
-            leave(counted_[i]);
+        for (int i = 0; i < counted; ++i)
+          if (wrong_of_level(counted_rows_[i], size) > 0.0) {
+            leave(counted_rows_[i]);
             ++left;
           }
         if (residual > 0.0)
           for (int i = 0; i < before; ++i)
             if (wrong_of_held(i, floor_of(k, residual, size)) > 0.0) {
-              rows_.release(held_[i]);
+              rows_.release(held_rows_[i]);
               ++left;
             }
         // `multiplier` stays in the order of the factorization: only where nothing left is it read again.
-        int count = left ? rows_.compress(held_, before) : before;
+        int count = left ? rows_.compress(held_rows_, before) : before;
         const Crossed crossed = enter_crossed(end, r0, count, most, size, now, span);
-        nW = crossed.nW;
+        held = crossed.held;
         if (crossed.rows == 0) {
-          if (moves && !move_to_next(now)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+          if (moves && !move_to_next(now)) return {Outcome::not_finite};
           const bool stayed = left == 0 && !(moves && came_from_afar(end, begun, now));
-          if (stayed && release_hidden(nB, residual)) {
+          if (stayed && release_hidden(counted, residual)) {
             pivoted = true;
             continue;
           }
           if (stayed)
-            return {Outcome::solved, nW, before, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
+            return {Outcome::solved, held, before, counted, m.reflectors, m.rank, residual, m.pivot, size, turn};
         } else {
           rows_.set_length(end, r0, 0.0);
         }
         pivoted = true;
-        if (blocks == 0) nW = start_from_values(r0, r1, nW, length(point_));
+        if (blocks == 0) held = start_from_values(r0, r1, held, length(point_));
         continue;
       }
       typename Rows::Block block{1.0, -1, 0};
@@ -744,7 +744,7 @@ class ActiveSetSearch {
         block = rows_.first_to_block(end, r0, span, slack, depends_, passed_);
         rows_.set_length(end, r0, block.length);
         add_multiple(point_, move_, block.length, 0, width_);
-        if (!finite(point_, n_)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+        if (!finite(point_, n_)) return {Outcome::not_finite};
       }
       size = length(point_) + m.sought;
       idle = block.length * span <= tolerance::idle * size ? idle + 1 : 0;
@@ -756,30 +756,30 @@ class ActiveSetSearch {
       if (block.row >= 0) {
         rows_.activate(block.row, block.side);
         if (rows_.state[block.row] == Rows::kept) {
-          held_[nW++] = block.row;
+          held_rows_[held++] = block.row;
           if (idle > 0) newest = block.row;
         }
         continue;
       }
-      const double residual = multipliers(top, nW, nB, c0, last, size);
+      const double residual = multipliers(top, held, counted, c0, last, size);
       const double doubt = doubt_after(idle);
-      const int worst = row_to_leave(k, nW, nB, residual, size, idle > n_, doubt);
-      if (worst < 0 && release_hidden(nB, residual)) continue;
+      const int worst = row_to_leave(k, held, counted, residual, size, idle > n_, doubt);
+      if (worst < 0 && release_hidden(counted, residual)) continue;
       if (worst < 0 && doubt > 1.0) smallest = 0.0;  // to be verified
-      if (worst < 0) return {Outcome::solved, nW, nW, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
+      if (worst < 0) return {Outcome::solved, held, held, counted, m.reflectors, m.rank, residual, m.pivot, size, turn};
       leave(worst);
       last_left = worst;
       for (int i = 0; i < end; ++i) passed_[i] = 0;
-      nW = rows_.compress(held_, nW);
+      held = rows_.compress(held_rows_, held);
     }
   }
 
-  struct Settled {
-    int nW, held, count;  // held rows that remain, held rows determined, rows determined
+  struct Classified {
+    int held, determined_held, determined;  // held rows that remain, held rows determined, all rows determined
     int contradicting;    // hard rows
   };
-  // Sorts the rows of a finished level into those it determined (held rows with a multiplier first; listed in `counted`) and kept ones.
-  Settled settle(int r0, int r1, int nW, double residual, double size) {
+  // Sorts the rows of a finished level into those it determined (held rows with a multiplier first; listed in `counted_rows`) and kept ones.
+  Classified classify_rows(int r0, int r1, int held, double residual, double size) {
     int count = 0;
     if (residual > 0.0) {
       // The residuals that the multipliers balance are known to the rounding of the rows' values.
@@ -790,18 +790,18 @@ class ActiveSetSearch {
                                ? uneven_.multiplier_floor()
                                : std::max(tolerance::multiplier_rounding * residual, tolerance::row_rounding * pull * size);
       int still = 0;
-      for (int i = 0; i < nW; ++i) {
-        const int row = held_[i];
+      for (int i = 0; i < held; ++i) {
+        const int row = held_rows_[i];
         if (multiplier_[i] * rows_.side[row] > floor) {
           rows_.state[row] = Rows::fixed;
-          counted_[count++] = row;
+          counted_rows_[count++] = row;
         } else {
-          held_[still++] = row;
+          held_rows_[still++] = row;
         }
       }
-      nW = still;
+      held = still;
     }
-    const int held = count;
+    const int determined_held = count;
     int contradicting = 0;
     for (int i = r0; i < r1; ++i) {
       const bool working = rows_.working[i] != 0;
@@ -810,13 +810,13 @@ class ActiveSetSearch {
       const double w = working && (hard || !equality) ? missed_by(i, size) : 0.0;
       if (working && (equality || w != 0.0)) {
         rows_.state[i] = Rows::fixed;
-        counted_[count++] = i;
+        counted_rows_[count++] = i;
       } else {
         rows_.state[i] = Rows::kept;
         rows_.low[i] = std::min(rows_.low[i], rows_.value[i]);
         rows_.up[i] = std::max(rows_.up[i], rows_.value[i]);
-        if (working && nW < n_)
-          held_[nW++] = i;
+        if (working && held < n_)
+          held_rows_[held++] = i;
         else if (working)
           rows_.release(i);
       }
@@ -825,12 +825,12 @@ class ActiveSetSearch {
         if (std::fabs(w) > tolerance::contradiction * (rows_.norm[i] * (size + 1.0) + std::fabs(rows_.bound(i)))) ++contradicting;
       }
     }
-    return {nW, held, count, contradicting};
+    return {held, determined_held, count, contradicting};
   }
 
   Outcome search_levels(bool go_on) {
     int contradicting = 0;
-    int nW = 0, c0 = 0;
+    int held = 0, c0 = 0;
     double size = length(point_);
     for (int k = 0; k <= p_; ++k) {
       const bool last = k == p_;
@@ -839,43 +839,43 @@ class ActiveSetSearch {
       rows_.set_values(point_, r0, r1);
       if (!enter_level(r0, r1, size) && !last) {  // met where the search stands
         uneven_.known = false;
-        settle(r0, r1, nW, 0.0, size);
+        classify_rows(r0, r1, held, 0.0, size);
         keep_turns(k, 0, Turn{}, c0);
         continue;
       }
       turn_rows(r0, r1, k);
-      const int started = nW;
-      nW = enter_guessed(r0, nW, n_ - c0);
-      Searched s{Outcome::solved, nW, 0, 0, 0, 0, 0.0, infinite, size, {}};
+      const int started = held;
+      held = enter_guessed(r0, held, n_ - c0);
+      Searched s;
       uneven_.known = false;
-      Met met{false, true, nW, 0, 0.0, 0.0};
-      if (!last) met = meet_level(k, r0, r1, nW, c0);
+      Met met{false, true, held, 0, 0.0, 0.0};
+      if (!last) met = meet_level(k, r0, r1, held, c0);
       if (!met.sound) return Outcome::not_finite;
       if (met.met)
-        s = {Outcome::solved, met.nW, 0, met.nB, met.nB, met.nB, 0.0, met.pivot, met.size, {}};
+        s = {Outcome::solved, met.held, 0, met.counted, met.counted, met.counted, 0.0, met.pivot, met.size};
       else
-        s = search_level(k, r0, r1, last, met.nW, c0, met.nW > started);
+        s = search_level(k, r0, r1, last, met.held, c0, met.held > started);
       if (s.outcome != Outcome::solved) return s.outcome;
-      nW = s.nW;
+      held = s.held;
       if (last) break;
       size = s.size;
       // What a damped level reaches is met, however near a singularity, and nothing later keeps where that was.
       if (!tentative_[k] && (k == 0 || !tentative_[k - 1])) smallest = std::min(smallest, s.pivot);
       if (tentative_[k]) {
         keep_reached(k, size);
-        nW = rows_.compress(held_, nW);
+        held = rows_.compress(held_rows_, held);
         keep_turns(k, 0, Turn{}, c0);
         continue;
       }
-      const Settled settled = settle(r0, r1, nW, s.residual, size);
-      nW = settled.nW;
-      contradicting += settled.contradicting;
+      const Classified classified = classify_rows(r0, r1, held, s.residual, size);
+      held = classified.held;
+      contradicting += classified.contradicting;
       if (contradicting && !go_on) return Outcome::infeasible;
-      if (settled.count == 0) {
+      if (classified.determined == 0) {
         s.factored = s.reflectors = s.rank = 0;
         s.turn.r = 0;
-      } else if (settled.held < s.factored || settled.count - settled.held < s.nB) {
-        factor_determined(k, r0, r1, settled, c0, s);  // not the set of the last factorization
+      } else if (classified.determined_held < s.factored || classified.determined - classified.determined_held < s.counted) {
+        factor_determined(k, r0, r1, classified, c0, s);
       }
       c0 += s.factored + s.rank;
       if (c0 < n_) keep_turns(k, s.factored + s.reflectors, s.turn, c0 - s.factored - s.rank);
@@ -887,19 +887,19 @@ class ActiveSetSearch {
   }
 
   // Factors what a level determined, where that is not the working set of its last step: held rows, then its own.
-  void factor_determined(int k, int r0, int r1, const Settled& settled, int c0, Searched& s) {
-    gather_counted(counted_, settled.count, 0);
-    for (int i = 0; i < settled.held; ++i) {
-      const double norm = rows_.norm[counted_[i]];
+  void factor_determined(int k, int r0, int r1, const Classified& classified, int c0, Searched& s) {
+    gather_counted(counted_rows_, classified.determined, 0);
+    for (int i = 0; i < classified.determined_held; ++i) {
+      const double norm = rows_.norm[counted_rows_[i]];
       if (norm > 0.0) scale_row(matrix_[i], 1.0 / norm, width_);
     }
-    for (int i = 0; i < settled.count; ++i) target_[i] = 0.0;
-    s.factored = factor(0, settled.held, c0, settled.count, depends_, 0);
-    const int own = settled.count - settled.held;
-    const Factored f = factor_own(r0, r1, settled.held, own, settled.count, c0 + s.factored, s.factored);
+    for (int i = 0; i < classified.determined; ++i) target_[i] = 0.0;
+    s.factored = factor(0, classified.determined_held, c0, classified.determined, depends_, 0);
+    const int own = classified.determined - classified.determined_held;
+    const Factored f = factor_own(r0, r1, classified.determined_held, own, classified.determined, c0 + s.factored, s.factored);
     s.reflectors = f.reflectors;
     double pivot = 0.0;
-    s.rank = answer_level(k, r0, r1, settled.held, own, c0 + s.factored, f, s.turn, &pivot);
+    s.rank = answer_level(k, r0, r1, classified.determined_held, own, c0 + s.factored, f, s.turn, &pivot);
   }
 
   bool unproven_ = false;  // whether the level that is searched is not left to one QR, or that proved no rank
@@ -923,7 +923,7 @@ class ActiveSetSearch {
   Matrix* pages_;     // of each level, room for its singular vectors, once they were needed
   Turn* turns_;       // what singular values turned after them
   int *first_, *column_;
-  int *held_, *counted_, *list_;
+  int *held_rows_, *counted_rows_, *list_;
   int* passed_;       // rows that depend on held ones and stopped a step of length zero
   int* stays_;        // rows that came back at once when they left: their multiplier is rounding error until x moves
   double* origin_;    // which listed row stands where after the factorization's swaps

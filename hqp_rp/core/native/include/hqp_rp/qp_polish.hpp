@@ -18,11 +18,7 @@ struct SlackQP {
   const double* G;         // (m, n), contiguous
   const double *lower, *upper;
 
-  double value(int i, const double* t) const {
-    double s = 0.0;
-    for (int j = 0; j < n; ++j) s += G[static_cast<std::ptrdiff_t>(i) * n + j] * t[j];
-    return s;
-  }
+  double value(int i, const double* t) const { return product(G + static_cast<std::ptrdiff_t>(i) * n, t, n); }
   double violation(int i, double v) const { return v > upper[i] ? v - upper[i] : v < lower[i] ? v - lower[i] : 0.0; }
   double objective(const double* t) const {
     double total = 0.0;
@@ -126,11 +122,7 @@ inline void polish(const SlackQP& qp, double* t, double* y, Workspace& workspace
     for (int j = 0; j < to.stride; ++j) to[at][j] = j < n ? from[j] : 0.0;
   };
   for (int i = 0; i < m; ++i) {
-    lengths[i] = std::sqrt([&] {
-      double s = 0.0;
-      for (int j = 0; j < n; ++j) s += qp.G[static_cast<std::ptrdiff_t>(i) * n + j] * qp.G[static_cast<std::ptrdiff_t>(i) * n + j];
-      return s;
-    }());
+    lengths[i] = length_of(qp.G + static_cast<std::ptrdiff_t>(i) * n, n);
     const double signal = i < qp.soft ? qp.violation(i, qp.value(i, t)) : y[i];
     side[i] = signal > tolerance::polish_active && qp.upper[i] < tolerance::no_bound     ? 1
               : signal < -tolerance::polish_active && qp.lower[i] > -tolerance::no_bound ? -1 : 0;

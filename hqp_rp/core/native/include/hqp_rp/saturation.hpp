@@ -114,12 +114,6 @@ class Split {
   int rank = 0;
 };
 
-inline double product(const double* a, const double* b, int n) {
-  double s = 0.0;
-  for (int j = 0; j < n; ++j) s += a[j] * b[j];
-  return s;
-}
-
 // C (rows, columns) <- A (rows, inner) times columns first ... first + columns - 1 of B; plain, for the small matrices here.
 inline void times_columns(Matrix C, Matrix A, Matrix B, int rows, int inner, int first, int columns) {
   for (int i = 0; i < rows; ++i) {
