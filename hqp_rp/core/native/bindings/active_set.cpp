@@ -44,10 +44,7 @@ class ActiveSet {
     const int n = view.unknowns, rows = view.hard_rows + view.rows;
     ActiveSetCall call;
     call.problem = &view;
-    if (!secondary.is_none()) {
-      call.z = required<double>(secondary, 1, "secondary");
-      if (length_of(secondary.ptr()) != n) throw nb::value_error("secondary does not have one number for each unknown.");
-    }
+    call.z = secondary_in(secondary, n);
     nb::object damping;  // holds the rows while they are read
     if (!nb::inst_ptr<ProblemObject>(problem)->damping.is_none()) {
       damping = problem.attr("damping_rows");
@@ -84,13 +81,12 @@ class ActiveSet {
     }
     if (outcome != Outcome::solved) {
       if (outcome != Outcome::inaccurate && before) forget(before);
-      nb::object side = sides(call.side, rows);
-      return nb::make_tuple(static_cast<int>(outcome), call.iterations, x, side);
+      return nb::make_tuple(static_cast<int>(outcome), call.iterations, x, as_int8(call.side, rows));
     }
     if (warm_start_) remember(before, view, call.side, rows, call.x);
     nb::object solution = make_solution(problem, std::move(x), outcome, call.iterations, nb::object(),
                                         secondary.is_none() ? nb::object() : nb::borrow(secondary));
-    nb::inst_ptr<SolutionObject>(solution)->held = sides(call.side, rows);
+    nb::inst_ptr<SolutionObject>(solution)->held = as_int8(call.side, rows);
     return solution;
   }
 
@@ -101,13 +97,6 @@ class ActiveSet {
     double s = 0.0;
     for (int j = 0; j < n; ++j) s += x[j] * x[j];
     return std::sqrt(s);
-  }
-
-  static nb::object sides(const int* side, int rows) {
-    nb::object made = new_array({rows}, NPY_INT8);
-    auto* out = static_cast<signed char*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(made.ptr())));
-    for (int i = 0; i < rows; ++i) out[i] = static_cast<signed char>(side[i]);
-    return made;
   }
 
   Remembered* remembered(const Problem& view) {

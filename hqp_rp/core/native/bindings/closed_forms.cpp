@@ -6,14 +6,6 @@ namespace hqp::python {
 
 namespace {
 
-// The free vector (n,), or null for None.
-const double* free_vector(nb::handle secondary, int n) {
-  if (secondary.is_none()) return nullptr;
-  const double* z = required<double>(secondary, 1, "secondary");
-  if (length_of(secondary.ptr()) != n) throw nb::value_error("secondary does not have one number for each unknown.");
-  return z;
-}
-
 // A closed form with its settings.
 struct ClosedForm {
   Outcome (*const solve_)(const Problem&, const double*, double, const Damping&, double*, Workspace&);
@@ -72,7 +64,7 @@ struct ClosedForm {
     const auto& given = *nb::inst_ptr<ProblemObject>(problem);
     if (!given.is_equality || given.view.hard_rows || !given.damping.is_none() || !given.metric.is_none()) return nb::none();
     nb::object x = new_array({given.view.unknowns});
-    const Outcome outcome = solve_(given.view, free_vector(secondary, given.view.unknowns), rank_tolerance, damping, numbers_in(x), thread_workspace());
+    const Outcome outcome = solve_(given.view, secondary_in(secondary, given.view.unknowns), rank_tolerance, damping, numbers_in(x), thread_workspace());
     if (outcome != Outcome::solved) x = nb::none();
     return make_solution(problem, std::move(x), outcome, 0, nb::object(), secondary.is_none() ? nb::object() : nb::borrow(secondary));
   }

@@ -44,6 +44,14 @@ inline nb::object as_numbers(nb::handle object) {
   return nb::steal(found);
 }
 
+// A new int8 array of small numbers.
+inline nb::object as_int8(const int* from, int n) {
+  nb::object made = new_array({n}, NPY_INT8);
+  auto* out = static_cast<signed char*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(made.ptr())));
+  for (int i = 0; i < n; ++i) out[i] = static_cast<signed char>(from[i]);
+  return made;
+}
+
 // Its numbers, or `TypeError` with the name.
 template <class T>
 const T* required(nb::handle object, int axes, const char* name) {
@@ -53,6 +61,14 @@ const T* required(nb::handle object, int axes, const char* name) {
     throw nb::python_error();
   }
   return static_cast<const T*>(data);
+}
+
+// The secondary vector (n,), or null for None.
+inline const double* secondary_in(nb::handle secondary, int n) {
+  if (secondary.is_none()) return nullptr;
+  const double* z = required<double>(secondary, 1, "secondary");
+  if (length_of(secondary.ptr()) != n) throw nb::value_error("secondary does not have one number for each unknown.");
+  return z;
 }
 
 template <class T>

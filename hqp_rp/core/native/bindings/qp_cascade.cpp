@@ -52,12 +52,7 @@ class QPCascadeObject {
   }
   nb::object x() const { return numbers(stages_->x(), unknowns_); }
   nb::object least() const { return numbers(stages_->least(), unknowns_); }
-  nb::object side() const {
-    nb::object made = new_array({rows_}, NPY_INT8);
-    auto* out = static_cast<signed char*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(made.ptr())));
-    for (int i = 0; i < rows_; ++i) out[i] = static_cast<signed char>(stages_->side()[i]);
-    return made;
-  }
+  nb::object side() const { return as_int8(stages_->side(), rows_); }
   int stage() const { return stages_->stage(); }
 
  private:

@@ -56,8 +56,7 @@ void bind_saturation(nb::module_& module) {
         double *low = workspace.numbers(n), *high = workspace.numbers(n), *zeta = workspace.numbers(n);
         const auto [first, second] = box_of(view, low, high, workspace.counts(n), workspace.counts(n));
         if (first != -2) return nb::make_tuple(first, second);
-        const double* free = secondary.is_none() ? nullptr : required<double>(secondary, 1, "secondary");
-        if (free && length_of(secondary.ptr()) != n) throw nb::value_error("secondary does not have one number for each unknown.");
+        const double* free = secondary_in(secondary, n);
         for (int j = 0; j < n; ++j) zeta[j] = free ? free[j] : 0.0;
         nb::object x = new_array({n}), scales = new_array({view.levels});
         SaturationCall call;

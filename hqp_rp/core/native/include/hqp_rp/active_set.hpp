@@ -22,14 +22,8 @@
 #include <cmath>
 
 #include "hqp_rp/least_squares.hpp"
+#include "hqp_rp/uneven.hpp"
 #include "hqp_rp/working_set_guess.hpp"
-
-// What few problems need stays out of the way of the others.
-#if defined(_MSC_VER) && !defined(__clang__)
-#define HQP_APART __declspec(noinline)
-#else
-#define HQP_APART __attribute__((noinline))
-#endif
 
 namespace hqp {
 inline namespace HQP_ISA {
@@ -52,11 +46,11 @@ class ActiveSetSearch {
       : problem_(problem), damped_(damped), width_(width), n_(problem.unknowns), p_(searched_levels(problem, damped)),
         tol_(rank_tolerance), limit_(limit),
         depends_(rank_tolerance > tolerance::depends ? rank_tolerance : tolerance::depends), workspace_(workspace),
-        rows_(rows_of(problem, damped), problem.unknowns, width, workspace) {
+        rows_(rows_of(problem, damped), problem.unknowns, width, workspace), uneven_(rows_, workspace) {
     const int M = rows_.M;
     offsets_ = workspace.counts(p_ + 1);
     tentative_ = workspace.counts(p_ + 1);
-    uneven_ = workspace.counts(p_ + 1);
+    uneven_levels_ = workspace.counts(p_ + 1);
     offsets_[0] = tentative_[0] = 0;
     offsets_[1] = problem.hard_rows;
     int largest = problem.hard_rows, level = 0;
@@ -79,18 +73,16 @@ class ActiveSetSearch {
     for (int k = 0; k <= p_; ++k) pages_[k] = Matrix{};
     first_ = workspace.counts(p_ + 2);
     column_ = workspace.counts(p_ + 1);
-    held_ = workspace.counts(size);
-    counted_ = workspace.counts(size);
+    held_rows_ = workspace.counts(size);
+    counted_rows_ = workspace.counts(size);
     list_ = workspace.counts(size);
     stays_ = workspace.counts(M + 1);
     passed_ = workspace.counts(M + 1);
-    released_ = workspace.counts(M + 1);
     origin_ = workspace.numbers(size);
     target_ = workspace.numbers(size + n_);
     multiplier_ = workspace.numbers(size);
     gradient_ = workspace.numbers(size);
     work_ = workspace.numbers(size + n_);
-    missed_ = workspace.numbers(3 * static_cast<std::size_t>(M)), hidden_ = missed_ + M, cosine_ = hidden_ + M;
     lengths_ = workspace.numbers(2 * static_cast<std::size_t>(size) + n_);
     point_ = workspace.numbers(width_);
     step_ = workspace.numbers(width_);
@@ -111,14 +103,14 @@ class ActiveSetSearch {
     for (int i = 0; i < p.hard_rows && sound; i += together)
       sound = rows_.load(i, together, p.hard_matrix + static_cast<std::ptrdiff_t>(i) * n_, p.hard_rows - i, p.hard_lower + i,
                          p.hard_upper + i, guessed ? side + i : nullptr);
-    uneven_[0] = together > 1 && rows_.uneven;
+    uneven_levels_[0] = together > 1 && rows_.uneven;
     for (int k = 0, level = 1; k < p.levels && sound; ++k, ++level) {
       const std::int64_t r0 = p.offsets[k];
       const int m = static_cast<int>(p.offsets[k + 1] - r0);
       const int* guesses = guessed ? side + p.hard_rows + r0 : nullptr;
       if (tentative_[level]) sound = load_damped(k, level++, guesses);
       sound = sound && rows_.load(offsets_[level], m, p.matrix + r0 * n_, p.rows - static_cast<int>(r0), p.lower + r0, p.upper + r0, guesses);
-      uneven_[level] = rows_.uneven;
+      uneven_levels_[level] = rows_.uneven;
     }
     if (!sound) return Outcome::not_finite;
     for (int j = 0; j < width_; ++j) {
@@ -163,9 +155,7 @@ class ActiveSetSearch {
       const double over = std::max(value - up, low - value);
       if (!(over > 0.0)) continue;
       const double b = value > up ? up : low;
-      double square = 0.0;
-      for (int j = 0; j < n_; ++j) square += a[j] * a[j];
-      if (over > tolerance::hard_kept * (std::sqrt(square) * size + std::fabs(b))) return false;
+      if (over > tolerance::hard_kept * (length_of(a, n_) * size + std::fabs(b))) return false;
     }
     return true;
   }
@@ -186,7 +176,7 @@ class ActiveSetSearch {
       if (guess) guess[i] = i < m ? guesses[i] : 0;
     }
     const bool sound = rows_.load(offsets_[level], m + r, rows, m + r, low, up, guess);
-    uneven_[level] = rows_.uneven;
+    uneven_levels_[level] = rows_.uneven;
     return sound;
   }
   // What the damped level k reached is what its own rows, level k + 1, are to keep; the damping rows and the copies beside them are done.
@@ -212,13 +202,13 @@ class ActiveSetSearch {
     copy(move_, step_, width_);
     for (int k = levels - 1; k >= 0; --k) {
       if (turns_[k].r) turns_[k].back(move_, work_);
-      for (int t = first_[k + 1] - 1; t >= first_[k]; --t) reflect(move_, done_[t], column_[k] + t - first_[k], width_);
+      apply_q(move_, done_.below(first_[k]), first_[k + 1] - first_[k], column_[k], width_);
     }
   }
   // The coordinates of a step of x: those of the freedom that finished levels left stand last.
   void to_free(int levels, double* v) {
     for (int k = 0; k < levels; ++k) {
-      for (int t = first_[k]; t < first_[k + 1]; ++t) reflect(v, done_[t], column_[k] + t - first_[k], width_);
+      apply_q_transpose(v, done_.below(first_[k]), first_[k + 1] - first_[k], column_[k], width_);
       if (turns_[k].r) turns_[k].forward(v, work_);
     }
   }
@@ -258,7 +248,7 @@ class ActiveSetSearch {
 
   void gather_held(int levels, int count, int top) {
     for (int i = 0; i < count; ++i) {
-      const int row = held_[i];
+      const int row = held_rows_[i];
       if (rows_.turned[row] != levels) turn_rows(row, row + 1, levels);
       copy(matrix_[top + i], rows_.T[row], width_);
       if (rows_.norm[row] > 0.0) scale_row(matrix_[top + i], 1.0 / rows_.norm[row], width_);
@@ -271,10 +261,13 @@ class ActiveSetSearch {
       origin_[top + i] = top + i;
     }
   }
+  // The held row that stands in row i of the factored matrix; the counted row that stands in row top + i.
+  int held_at(int i) const { return held_rows_[static_cast<int>(origin_[i])]; }
+  int counted_at(int top, int i) const { return counted_rows_[static_cast<int>(origin_[top + i]) - top]; }
   int list_counted(int r0, int r1) {
     int count = 0;
     for (int i = r0; i < r1; ++i)
-      if (rows_.working[i]) counted_[count++] = i;
+      if (rows_.working[i]) counted_rows_[count++] = i;
     return count;
   }
   // LQ of rows i0 ... i1 - 1 of the matrix from column c on; rows up to `end` are turned too. Reflectors from V[t0] on.
@@ -308,103 +301,14 @@ class ActiveSetSearch {
     *pivot = d.smallest;
     return d.rank;
   }
-  // The same for a level of rows of very different length, whose rank is proven, and what its counted rows then miss by: the part of
-  // `target` in the orthogonal complement of the factor, which is accurate in each row's own length (Cox and Higham 1998) where the
-  // difference of value and bound is not. By row: missed <- that, cosine <- how much of the row is in that complement, hidden <- what
-  // rounding of the factor may add.
-  HQP_APART void answer_uneven(int top, int count, int c, int r) {
-    Workspace::Scope scope(workspace_);
-    int* order = workspace_.counts(count);
-    const auto row_of = [&](int i) { return counted_[static_cast<int>(origin_[top + i]) - top]; };
-    for (int i = 0; i < count; ++i) order[i] = i;
-    std::sort(order, order + count, [&](int i, int j) { return rows_.norm[row_of(i)] > rows_.norm[row_of(j)]; });
-    Matrix T = make_matrix(workspace_, r, count), V = make_matrix(workspace_, r, count);
-    double *right = workspace_.numbers(T.stride), *unit = workspace_.numbers(T.stride);
-    double *column = workspace_.numbers(r), *lengths = workspace_.numbers(2 * static_cast<std::size_t>(r));
-    for (int q = 0; q < T.stride; ++q) right[q] = q < count ? target_[order[q]] : 0.0;
-    for (int j = 0; j < r; ++j) {
-      column[j] = j;
-      for (int q = 0; q < T.stride; ++q) T[j][q] = q < count ? matrix_[top + order[q]][c + j] : 0.0;
-    }
-    const int steps = lq(T, 0, r, 0, count, column, 0.0, V, lengths, T.stride);
-    for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
-    for (int j = steps - 1; j >= 0; --j) {
-      double s = right[j];
-      for (int i = j + 1; i < steps; ++i) s -= T[i][j] * step_[c + static_cast<int>(column[i])];
-      step_[c + static_cast<int>(column[j])] = s / T[j][j];
-    }
-    for (int j = 0; j < steps; ++j) right[j] = 0.0;
-    for (int j = steps - 1; j >= 0; --j) reflect(right, V[j], j, T.stride);
-    double pulls = 0.0;
-    for (int q = 0; q < count; ++q) {
-      const int row = row_of(order[q]);
-      missed_[row] = -right[q];
-      pulls += std::fabs(right[q]) * rows_.norm[row];
-    }
-    // Q^T e_q: behind the triangle how the row reaches the complement; before it, over the triangle, column q of the pseudo-inverse.
-    for (int q = 0; q < count; ++q) {
-      for (int l = 0; l < T.stride; ++l) unit[l] = l == q ? 1.0 : 0.0;
-      for (int j = 0; j < steps; ++j) reflect(unit, V[j], j, T.stride);
-      double cosine = 0.0, inverse = 0.0;
-      for (int l = steps; l < count; ++l) cosine += unit[l] * unit[l];
-      for (int j = steps - 1; j >= 0; --j) {
-        for (int i = j + 1; i < steps; ++i) unit[j] -= T[i][j] * unit[i];
-        unit[j] /= T[j][j];
-        inverse += unit[j] * unit[j];
-      }
-      const int row = row_of(order[q]);
-      cosine_[row] = std::sqrt(cosine);
-      hidden_[row] = tolerance::row_rounding * std::sqrt(inverse) * pulls;
-    }
-    precise_ = true;
-  }
-  // hidden (by row) <- what rounding may add to what a counted row misses by, at an x of this size.
-  HQP_APART void bound_hidden(int count, double size) {
-    double total = 0.0;
-    for (int i = 0; i < count; ++i) {
-      const int row = counted_[i];
-      total += cosine_[row] * tolerance::row_rounding * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
-    }
-    pull_ = hidden_pull_ = 0.0;
-    doubtful_ = false;
-    for (int i = 0; i < count; ++i) {
-      const int row = counted_[i];
-      hidden_[row] += cosine_[row] * total;
-      pull_ = std::max(pull_, std::fabs(missed_[row]) * rows_.norm[row]);
-      hidden_pull_ += hidden_[row] * rows_.norm[row];
-      doubtful_ = doubtful_ || hidden_[row] > tolerance::hidden_row * (rows_.norm[row] * size + std::fabs(rows_.bound(row)));
-    }
-  }
   // What a counted row misses by after the whole step; what rounding can explain is 0.
-  double missed_by(int row, double size) const {
-    if (!precise_) return rows_.residual(row, size);
-    return std::fabs(missed_[row]) > hidden_[row] ? missed_[row] : 0.0;
-  }
-  // A row of the level at its bound that rounding keeps from telling whether it holds others back there, because others beside it are at
-  // their bounds too; -1 for none. Without it they tell.
-  int hidden_row(int count) const {
-    for (int i = 0; i < count; ++i) {
-      const int row = counted_[i];
-      if (!rows_.equality(row) && !released_[row] && std::fabs(missed_[row]) <= hidden_[row] &&
-          hidden_[row] * rows_.norm[row] > tolerance::hidden_pull * pull_)
-        return row;
-    }
-    return -1;
-  }
-  // Releases such a row, once in a level; where none is left to release and what is hidden still weighs, the answer is to be verified.
-  bool release_hidden(int count, double residual) { return precise_ && residual > 0.0 && release_one(count); }
-  HQP_APART bool release_one(int count) {
-    const int row = hidden_row(count);
-    if (row >= 0) {
-      rows_.release(row);
-      released_[row] = 1;
-    } else if (doubtful_ || hidden_pull_ > tolerance::hidden_pull * pull_) {
-      smallest = 0.0;
-    }
-    return row >= 0;
-  }
-  void turn_back(double* v, int count, int c0) {
-    for (int t = count - 1; t >= 0; --t) reflect(v, V_[t], c0 + t, width_);
+  double missed_by(int row, double size) const { return uneven_.known ? uneven_.missed_by(row) : rows_.residual(row, size); }
+  // Releases a row of an uneven level that is hidden; where none is left and what is hidden still weighs, the answer is to be verified.
+  bool release_hidden(int count, double residual) {
+    if (!uneven_.known || !(residual > 0.0)) return false;
+    if (uneven_.release_hidden(counted_rows_, count)) return true;
+    if (uneven_.doubtful()) smallest = 0.0;
+    return false;
   }
 
   // --- steps ---------------------------------------------------------------------------------------------------------------
@@ -414,54 +318,58 @@ class ActiveSetSearch {
     double sought;  // what the step is after, as a length
     double pivot;
   };
+  // Entry i of the y with L y = s, from those before it, which stand in `step`; L in columns c0 ... of the matrix.
+  double substituted(int i, int c0, double s) const {
+    const double* l = matrix_[i] + c0;
+    for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
+    return s / l[i];
+  }
   // step <- the way to where all of the counted and held rows are at their bounds; counted ones, factored first, stay factored.
-  Reached reach_level(int k, int r0, int r1, int nW, int nB, int c0, double size) {
-    if (nB + nW > n_ - c0) return {false, 0.0, 0.0};
-    gather_counted(counted_, nB, 0);
-    gather_held(k, nW, nB);
-    const Factored f = factor_own(r0, r1, 0, nB, nB + nW, c0, 0);
-    if (f.reflectors < nB || !f.proven) return {false, 0.0, 0.0};
-    if (nW && factor(nB, nB + nW, c0 + nB, nB + nW, tolerance::apart, nB) < nW) return {false, 0.0, 0.0};
+  Reached reach_level(int k, int r0, int r1, int held, int counted, int c0, double size) {
+    if (counted + held > n_ - c0) return {false, 0.0, 0.0};
+    gather_counted(counted_rows_, counted, 0);
+    gather_held(k, held, counted);
+    const Factored f = factor_own(r0, r1, 0, counted, counted + held, c0, 0);
+    if (f.reflectors < counted || !f.proven) return {false, 0.0, 0.0};
+    if (held && factor(counted, counted + held, c0 + counted, counted + held, tolerance::apart, counted) < held) return {false, 0.0, 0.0};
     fill(step_, 0.0, width_);
     double sought = 0.0;
-    for (int i = 0; i < nB + nW; ++i) {
+    for (int i = 0; i < counted + held; ++i) {
       double s = 0.0;
-      if (i < nB) {
-        const int own = counted_[static_cast<int>(origin_[i])];
+      if (i < counted) {
+        const int own = counted_at(0, i);
         s = rows_.bound(own) - rows_.value[own];
         sought = std::max(sought, std::fabs(s));
       } else {
-        const int row = held_[static_cast<int>(origin_[i]) - nB];
+        const int row = held_rows_[static_cast<int>(origin_[i]) - counted];
         s = -rows_.residual(row, size) / rows_.norm[row];
       }
-      const double* l = matrix_[i] + c0;
-      for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
-      step_[c0 + i] = s / l[i];
+      step_[c0 + i] = substituted(i, c0, s);
     }
-    turn_back(step_, nB + nW, c0);
+    apply_q(step_, V_, counted + held, c0, width_);
     return {true, sought, f.smallest};
   }
   // Gathers held and counted rows and factors the held ones; those that depend on others of them leave. Returns how many remain.
   // newest (-1 for none): the row that stopped a step of length zero. Where it depends on the others, the point is a degenerate vertex
   // and what carried the row across its bound rounding: it is passed, and may not stop a step until the working set is another.
-  int factor_held(int k, int nW, int nB, int c0, int newest) {
-    gather_held(k, nW, 0);
-    gather_counted(counted_, nB, nW);
-    if (nW == 0) return 0;
-    const int r = factor(0, nW, c0, nW + nB, depends_, 0);
-    if (r < nW && newest >= 0) {
+  int factor_held(int k, int held, int counted, int c0, int newest) {
+    gather_held(k, held, 0);
+    gather_counted(counted_rows_, counted, held);
+    if (held == 0) return 0;
+    const int r = factor(0, held, c0, held + counted, depends_, 0);
+    if (r < held && newest >= 0) {
       smallest_held = 0.0;
       rows_.release(newest);
       passed_[newest] = 1;
-      return factor_held(k, rows_.compress(held_, nW), nB, c0, -1);
+      return factor_held(k, rows_.compress(held_rows_, held), counted, c0, -1);
     }
     for (int i = 0; i < r; ++i) smallest_held = std::min(smallest_held, std::fabs(matrix_[i][c0 + i]));
-    if (r < nW) {
+    if (r < held) {
       smallest_held = 0.0;
-      for (int i = r; i < nW; ++i) rows_.release(held_[static_cast<int>(origin_[i])]);
-      for (int i = 0; i < r; ++i) list_[i] = held_[static_cast<int>(origin_[i])];
+      for (int i = r; i < held; ++i) rows_.release(held_at(i));
+      for (int i = 0; i < r; ++i) list_[i] = held_at(i);
       for (int i = 0; i < r; ++i) {
-        held_[i] = list_[i];
+        held_rows_[i] = list_[i];
         origin_[i] = i;
       }
     }
@@ -472,6 +380,19 @@ class ActiveSetSearch {
     add_multiple(v, point_, -1.0, 0, width_);
     to_free(levels, v);
   }
+  // target <- what the counted rows, at `top`, miss their bounds by once held rows have moved by what `step` has in columns c0 ...
+  // c0 + held - 1; returns the most that one misses by before that.
+  double target_counted(int top, int counted, int c0, int held) {
+    double sought = 0.0;
+    for (int i = 0; i < counted; ++i) {
+      const int own = counted_at(top, i);
+      double s = rows_.bound(own) - rows_.value[own];
+      sought = std::max(sought, std::fabs(s));
+      for (int j = c0; j < c0 + held; ++j) s -= matrix_[top + i][j] * step_[j];
+      target_[i] = s;
+    }
+    return sought;
+  }
   struct Minimized {
     int reflectors = 0, rank = 0;
     double sought = 0.0, pivot = infinite;
@@ -480,69 +401,57 @@ class ActiveSetSearch {
   // step <- the way to the minimizer over the working set, from the factored held rows; factors the counted ones (at `top`).
   //
   // In the `last` level, what is minimized is ||x - goal||; `gradient` then is its gradient along the held rows.
-  Minimized step_to_minimizer(int k, int r0, int r1, bool last, int top, int nW, int nB, int c0, double size, Turn& turn) {
+  Minimized step_to_minimizer(int k, int r0, int r1, bool last, int top, int held, int counted, int c0, double size, Turn& turn) {
     Minimized found;
     turn.r = 0;
-    precise_ = false;
+    uneven_.known = false;
     if (last) {
       toward_goal(k, step_);
       for (int j = 0; j < c0; ++j) step_[j] = 0.0;
       for (int j = c0; j < n_; ++j) found.sought += std::fabs(step_[j]);
-      for (int t = 0; t < nW; ++t) reflect(step_, V_[t], c0 + t, width_);
-      for (int j = 0; j < nW; ++j) gradient_[j] = -step_[c0 + j];
+      apply_q_transpose(step_, V_, held, c0, width_);
+      for (int j = 0; j < held; ++j) gradient_[j] = -step_[c0 + j];
     } else {
       fill(step_, 0.0, width_);
     }
-    for (int i = 0; i < nW; ++i) {  // held rows go (back) to their bounds
-      const int row = held_[static_cast<int>(origin_[i])];
+    for (int i = 0; i < held; ++i) {  // held rows go (back) to their bounds
+      const int row = held_at(i);
       double s = -rows_.residual(row, size) / rows_.norm[row];
       found.to_bounds = found.to_bounds || s != 0.0;
-      const double* l = matrix_[i] + c0;
-      for (int j = 0; j < i; ++j) s -= l[j] * step_[c0 + j];
-      step_[c0 + i] = s / l[i];
+      step_[c0 + i] = substituted(i, c0, s);
       if (last) gradient_[i] += step_[c0 + i];
     }
-    if (nB && nB > n_ - c0 - nW && n_ - c0 - nW > 1 && !unproven_) {  // nothing is free behind it: one QR of its rows will do
-      const int d = n_ - c0 - nW;
-      for (int i = 0; i < nB; ++i) {
-        double s = rows_.bound(counted_[i]) - rows_.value[counted_[i]];
-        found.sought = std::max(found.sought, std::fabs(s));
-        for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
-        target_[i] = s;
-      }
-      const Factored f = tall_level(matrix_, top, nB, c0 + nW, d, rows_.level_norm(r0, r1), tol_, target_, step_ + c0 + nW, workspace_);
+    if (counted && counted > n_ - c0 - held && n_ - c0 - held > 1 && !unproven_) {  // nothing is free behind it
+      const int d = n_ - c0 - held;
+      found.sought = target_counted(top, counted, c0, held);
+      const Factored f = tall_level(matrix_, top, counted, c0 + held, d, rows_.level_norm(r0, r1), tol_, target_, step_ + c0 + held, workspace_);
       if (f.proven) {
         found.rank = d;
         found.pivot = f.smallest;
-        turn_back(step_, nW, c0);
+        apply_q(step_, V_, held, c0, width_);
         return found;
       }
       unproven_ = true;
     }
-    if (nB) {
-      const Factored f = factor_own(r0, r1, top, nB, top + nB, c0 + nW, nW);
-      for (int i = 0; i < nB; ++i) {
-        const int own = counted_[static_cast<int>(origin_[top + i]) - top];
-        double s = rows_.bound(own) - rows_.value[own];
-        found.sought = std::max(found.sought, std::fabs(s));
-        for (int j = c0; j < c0 + nW; ++j) s -= matrix_[top + i][j] * step_[j];
-        target_[i] = s;
-      }
+    if (counted) {
+      const Factored f = factor_own(r0, r1, top, counted, top + counted, c0 + held, held);
+      found.sought = target_counted(top, counted, c0, held);
       found.reflectors = f.reflectors;
-      if (uneven_[k] && f.proven && f.reflectors < nB) {
+      if (uneven_levels_[k] && f.proven && f.reflectors < counted) {
         found.rank = f.reflectors;
         found.pivot = f.smallest;
-        answer_uneven(top, nB, c0 + nW, f.reflectors);
-        bound_hidden(nB, size + found.sought + length(step_));
+        for (int i = 0; i < counted; ++i) list_[i] = counted_at(top, i);
+        uneven_.solve(matrix_, top, counted, c0 + held, f.reflectors, list_, target_, step_ + c0 + held);
+        uneven_.bound_rounding(counted_rows_, counted, size + found.sought + length(step_));
       } else {
-        found.rank = answer_level(k, r0, r1, top, nB, c0 + nW, f, turn, &found.pivot);
+        found.rank = answer_level(k, r0, r1, top, counted, c0 + held, f, turn, &found.pivot);
       }
       if (turn.r) {
-        for (int j = found.rank; j < turn.r; ++j) step_[c0 + nW + j] = 0.0;
+        for (int j = found.rank; j < turn.r; ++j) step_[c0 + held + j] = 0.0;
         turn.back(step_, work_);
       }
     }
-    turn_back(step_, nW + found.reflectors, c0);
+    apply_q(step_, V_, held + found.reflectors, c0, width_);
     return found;
   }
   // next <- x + move; its length.
@@ -586,19 +495,19 @@ class ActiveSetSearch {
     }
     return true;
   }
-  int enter_guessed(int r0, int nW, int most) {
+  int enter_guessed(int r0, int held, int most) {
     for (int i = 0; i < r0; ++i) {
       const int guess = rows_.guess[i];
-      if (!guess || rows_.state[i] != Rows::kept || rows_.working[i] || nW >= most) continue;
+      if (!guess || rows_.state[i] != Rows::kept || rows_.working[i] || held >= most) continue;
       if (std::fabs(guess > 0 ? rows_.up[i] : rows_.low[i]) < infinite) {
         rows_.activate(i, guess);
-        held_[nW++] = i;
+        held_rows_[held++] = i;
       }
     }
-    return nW;
+    return held;
   }
   // The working set of the point where the search stands: rows of the level that it violates, of held rows those at their bounds.
-  int start_from_values(int r0, int r1, int nW, double size) {
+  int start_from_values(int r0, int r1, int held, double size) {
     for (int i = r0; i < r1; ++i) {
       if (rows_.equality(i) || rows_.value[i] > rows_.up[i])
         rows_.activate(i, 1);
@@ -607,31 +516,31 @@ class ActiveSetSearch {
       else
         rows_.release(i);
     }
-    for (int i = 0; i < nW; ++i)
-      if (rows_.residual(held_[i], size) != 0.0) rows_.release(held_[i]);
-    return rows_.compress(held_, nW);
+    for (int i = 0; i < held; ++i)
+      if (rows_.residual(held_rows_[i], size) != 0.0) rows_.release(held_rows_[i]);
+    return rows_.compress(held_rows_, held);
   }
   // Multipliers of held rows from L^T multiplier = -gradient; returns the largest residual, or in the last level ||gradient||.
-  double multipliers(int top, int nW, int nB, int c0, bool last, double size) {
+  double multipliers(int top, int held, int counted, int c0, bool last, double size) {
     double residual = 0.0;
-    for (int i = 0; i < nB; ++i) residual = std::max(residual, std::fabs(missed_by(counted_[i], size)));
-    for (int i = 0; i < nW; ++i) multiplier_[i] = 0.0;
+    for (int i = 0; i < counted; ++i) residual = std::max(residual, std::fabs(missed_by(counted_rows_[i], size)));
+    for (int i = 0; i < held; ++i) multiplier_[i] = 0.0;
     if (last) {
       residual = 0.0;
-      for (int i = 0; i < nW; ++i) residual += gradient_[i] * gradient_[i];
+      for (int i = 0; i < held; ++i) residual += gradient_[i] * gradient_[i];
       residual = std::sqrt(residual);
     }
-    if (nW == 0 || residual == 0.0) return residual;
+    if (held == 0 || residual == 0.0) return residual;
     if (!last) {
-      for (int j = 0; j < nW; ++j) gradient_[j] = 0.0;
-      for (int i = 0; i < nB; ++i) {
-        const double w = missed_by(counted_[static_cast<int>(origin_[top + i]) - top], size);
-        for (int j = 0; j < nW; ++j) gradient_[j] += w * matrix_[top + i][c0 + j];
+      for (int j = 0; j < held; ++j) gradient_[j] = 0.0;
+      for (int i = 0; i < counted; ++i) {
+        const double w = missed_by(counted_at(top, i), size);
+        for (int j = 0; j < held; ++j) gradient_[j] += w * matrix_[top + i][c0 + j];
       }
     }
-    for (int i = nW - 1; i >= 0; --i) {
+    for (int i = held - 1; i >= 0; --i) {
       double s = -gradient_[i];
-      for (int j = i + 1; j < nW; ++j) s -= matrix_[j][c0 + i] * multiplier_[static_cast<int>(origin_[j])];
+      for (int j = i + 1; j < held; ++j) s -= matrix_[j][c0 + i] * multiplier_[static_cast<int>(origin_[j])];
       multiplier_[static_cast<int>(origin_[i])] = s / matrix_[i][c0 + i];
     }
     return residual;
@@ -641,7 +550,7 @@ class ActiveSetSearch {
     return rows_.equality(row) ? 0.0 : -missed_by(row, size) * rows_.side[row];
   }
   double wrong_of_held(int i, double floor) const {
-    const double wrong = -multiplier_[i] * rows_.side[held_[i]];
+    const double wrong = -multiplier_[i] * rows_.side[held_rows_[i]];
     return wrong > floor ? wrong : 0.0;
   }
   // Releases a row, or turns it to its other bound when a step carried it across a narrow band.
@@ -656,7 +565,7 @@ class ActiveSetSearch {
   // What of a multiplier is rounding error. Damping rows weigh against residuals of the level's own rows that they alone leave, and
   // those are known to the rounding of the rows' values.
   double floor_of(int k, double residual, double size) const {
-    if (precise_) return tolerance::multiplier_rounding * pull_ + hidden_pull_;
+    if (uneven_.known) return uneven_.multiplier_floor();
     const double floor = tolerance::multiplier_rounding * std::max(residual, tolerance::eps * size);
     return tentative(k) ? std::max(floor, tolerance::row_rounding * size) : floor;
   }
@@ -667,47 +576,47 @@ class ActiveSetSearch {
   bool tentative(int k) const { return k < p_ && tentative_[k] != 0; }
   // The row whose multiplier is most wrong, by Bland's rule the first such row; -1 at the optimum.
   // `doubt` times as wrong as rounding explains it has to be.
-  int row_to_leave(int k, int nW, int nB, double residual, double size, bool bland, double doubt) const {
+  int row_to_leave(int k, int held, int counted, double residual, double size, bool bland, double doubt) const {
     int worst = -1;
     double largest = 0.0;
     const auto consider = [&](int row, double wrong) {
       if (wrong > 0.0 && !stays_[row] && (worst < 0 || (bland ? row < worst : wrong > largest))) largest = wrong, worst = row;
     };
-    for (int i = 0; i < nB; ++i) consider(counted_[i], wrong_of_level(counted_[i], size));
+    for (int i = 0; i < counted; ++i) consider(counted_rows_[i], wrong_of_level(counted_rows_[i], size));
     if (residual > 0.0)
-      for (int i = 0; i < nW; ++i) consider(held_[i], wrong_of_held(i, doubt * floor_of(k, residual, size)));
+      for (int i = 0; i < held; ++i) consider(held_rows_[i], wrong_of_held(i, doubt * floor_of(k, residual, size)));
     return worst;
   }
   struct Crossed {
-    int nW;
+    int held;
     int rows;  // that entered or wanted to
   };
   // Every row that the step's end violates enters; `size` is that of the level's own rows, `now` the length of x there. What the level
   // seeks, which may be far beyond x, explains no violation of the others.
-  Crossed enter_crossed(int end, int r0, int nW, int most, double size, double now, double span) {
+  Crossed enter_crossed(int end, int r0, int held, int most, double size, double now, double span) {
     int crossed = 0;
     for (int i = 0; i < end; ++i) {
       const bool own = i >= r0;
       if (rows_.working[i] || !rows_.takes_part(i, r0) || !rows_.beyond(i, own ? size : now + span)) continue;
       if (!own && std::fabs(rows_.change[i]) <= 2.0 * depends_ * rows_.norm[i] * span) continue;  // it depends on held rows
       ++crossed;
-      if (!own && nW >= most) continue;
+      if (!own && held >= most) continue;
       rows_.activate(i, rows_.value[i] > rows_.up[i] ? 1 : -1);
-      if (!own) held_[nW++] = i;
+      if (!own) held_rows_[held++] = i;
     }
-    return {nW, crossed};
+    return {held, crossed};
   }
   // Held rows become the guessed ones.
-  int enter_guess(int k, int r0, int r1, bool last, int nW, int c0) {
+  int enter_guess(int k, int r0, int r1, bool last, int held, int c0) {
     turn_rows(0, r0, k);
     if (last) toward_goal(k, next_);
     guess_working_set(rows_, r0, r1, c0, n_ - c0, next_, workspace_);
-    for (int i = 0; i < nW; ++i) rows_.release(held_[i]);
+    for (int i = 0; i < held; ++i) rows_.release(held_rows_[i]);
     int count = 0;
     for (int i = 0; i < r0; ++i) {
       if (!rows_.guess[i] || rows_.state[i] != Rows::kept || count >= n_ - c0) continue;
       rows_.activate(i, rows_.guess[i]);
-      held_[count++] = i;
+      held_rows_[count++] = i;
     }
     return count;
   }
@@ -716,73 +625,73 @@ class ActiveSetSearch {
 
   struct Met {
     bool met, sound;
-    int nW, nB;
+    int held, counted;
     double pivot, size;
   };
   // Steps to where all counted and held rows are at their bounds, and lets rows that this would violate enter.
-  Met meet_level(int k, int r0, int r1, int nW, int c0) {
-    int nB = list_counted(r0, r1);
+  Met meet_level(int k, int r0, int r1, int held, int c0) {
+    int counted = list_counted(r0, r1);
     for (int tried = 0; tried < reaches && iterations < limit_; ++tried) {
       const double begun = length(point_);
-      const Reached reached = reach_level(k, r0, r1, nW, nB, c0, begun);
+      const Reached reached = reach_level(k, r0, r1, held, counted, c0, begun);
       if (!reached.independent) break;
       ++iterations;
       from_free(k);
       const double span = length(step_);
       if (!(span > tolerance::step_rounding * (begun + reached.sought)))
-        return {true, true, nW, nB, reached.pivot, begun + reached.sought};
+        return {true, true, held, counted, reached.pivot, begun + reached.sought};
       const int outside = rows_.try_step(move_, r1, r0);
       const double now = try_next();
       const double size = now + reached.sought;
       bool missed = false;
-      for (int i = 0; i < nB && !missed; ++i) missed = rows_.residual(counted_[i], size) != 0.0;
-      Crossed crossed{nW, 0};
-      if (!missed && outside) crossed = enter_crossed(r1, r0, nW, n_ - c0, size, now, span);
-      nW = crossed.nW;
+      for (int i = 0; i < counted && !missed; ++i) missed = rows_.residual(counted_rows_[i], size) != 0.0;
+      Crossed crossed{held, 0};
+      if (!missed && outside) crossed = enter_crossed(r1, r0, held, n_ - c0, size, now, span);
+      held = crossed.held;
       if (!missed && crossed.rows == 0) {
         const bool sound = move_to_next(now);
-        if (!came_from_afar(r1, begun, now)) return {true, sound, nW, nB, reached.pivot, size};
+        if (!came_from_afar(r1, begun, now)) return {true, sound, held, counted, reached.pivot, size};
         continue;
       }
       rows_.set_length(r1, r0, 0.0);
       if (missed) break;
-      nB = list_counted(r0, r1);
+      counted = list_counted(r0, r1);
     }
-    return {false, true, nW, nB, 0.0, 0.0};
+    return {false, true, held, counted, 0.0, 0.0};
   }
 
   struct Searched {
-    Outcome outcome;
-    int nW, factored, nB;  // held rows, those of them in the last factorization, counted rows
-    int reflectors, rank;  // of the counted rows
-    double residual, pivot, size;
-    Turn turn;
+    Outcome outcome = Outcome::solved;
+    int held = 0, factored = 0, counted = 0;  // held rows, those of them in the last factorization, counted rows
+    int reflectors = 0, rank = 0;             // of the counted rows
+    double residual = 0.0, pivot = 0.0, size = 0.0;
+    Turn turn = {};
   };
   // Minimizes level k; `pivoted` when the held rows are not those of the start any more.
-  Searched search_level(int k, int r0, int r1, bool last, int nW, int c0, bool pivoted) {
+  Searched search_level(int k, int r0, int r1, bool last, int held, int c0, bool pivoted) {
     const int end = r1;
     const int most = n_ - c0;
-    unproven_ = k < p_ && uneven_[k];  // those are answered row by row
+    unproven_ = k < p_ && uneven_levels_[k];  // those are answered row by row
     int blocks = block_pivots;
     int idle = 0, last_left = -1, newest = -1;
     bool guess = true;
     for (int i = 0; i < end; ++i) stays_[i] = passed_[i] = 0;
-    for (int i = r0; i < r1; ++i) released_[i] = 0;
+    uneven_.begin_level(r0, r1);
     for (int i = r0; i < r1; ++i) guess = guess && rows_.equality(i);
     for (;;) {
       const bool bland = idle > n_;
-      if (++iterations > limit_) return {Outcome::iteration_limit, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+      if (++iterations > limit_) return {Outcome::iteration_limit};
       if (pivoted && guess) {
         guess = false;
-        nW = enter_guess(k, r0, r1, last, nW, c0);
+        held = enter_guess(k, r0, r1, last, held, c0);
       }
-      const int nB = list_counted(r0, r1);
-      const int top = nW;
-      nW = factor_held(k, nW, nB, c0, newest);
+      const int counted = list_counted(r0, r1);
+      const int top = held;
+      held = factor_held(k, held, counted, c0, newest);
       newest = -1;
       const double begun = length(point_);
       Turn turn;
-      const Minimized m = step_to_minimizer(k, r0, r1, last, top, nW, nB, c0, begun, turn);
+      const Minimized m = step_to_minimizer(k, r0, r1, last, top, held, counted, c0, begun, turn);
       double size = begun + m.sought;  // the rounding error of what the step is after counts like that of x
       from_free(k);
       const double span = length(step_);
@@ -795,38 +704,38 @@ class ActiveSetSearch {
         --blocks;
         const double now = moves ? try_next() : begun;
         size = now + m.sought;
-        const double residual = multipliers(top, nW, nB, c0, last, size);
-        const int before = nW;
+        const double residual = multipliers(top, held, counted, c0, last, size);
+        const int before = held;
         int left = 0;
-        for (int i = 0; i < nB; ++i)
-          if (wrong_of_level(counted_[i], size) > 0.0) {
-            leave(counted_[i]);
+        for (int i = 0; i < counted; ++i)
+          if (wrong_of_level(counted_rows_[i], size) > 0.0) {
+            leave(counted_rows_[i]);
             ++left;
           }
         if (residual > 0.0)
           for (int i = 0; i < before; ++i)
             if (wrong_of_held(i, floor_of(k, residual, size)) > 0.0) {
-              rows_.release(held_[i]);
+              rows_.release(held_rows_[i]);
               ++left;
             }
         // `multiplier` stays in the order of the factorization: only where nothing left is it read again.
-        int count = left ? rows_.compress(held_, before) : before;
+        int count = left ? rows_.compress(held_rows_, before) : before;
         const Crossed crossed = enter_crossed(end, r0, count, most, size, now, span);
-        nW = crossed.nW;
+        held = crossed.held;
         if (crossed.rows == 0) {
-          if (moves && !move_to_next(now)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+          if (moves && !move_to_next(now)) return {Outcome::not_finite};
           const bool stayed = left == 0 && !(moves && came_from_afar(end, begun, now));
-          if (stayed && release_hidden(nB, residual)) {
+          if (stayed && release_hidden(counted, residual)) {
             pivoted = true;
             continue;
           }
           if (stayed)
-            return {Outcome::solved, nW, before, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
+            return {Outcome::solved, held, before, counted, m.reflectors, m.rank, residual, m.pivot, size, turn};
         } else {
           rows_.set_length(end, r0, 0.0);
         }
         pivoted = true;
-        if (blocks == 0) nW = start_from_values(r0, r1, nW, length(point_));
+        if (blocks == 0) held = start_from_values(r0, r1, held, length(point_));
         continue;
       }
       typename Rows::Block block{1.0, -1, 0};
@@ -835,7 +744,7 @@ class ActiveSetSearch {
         block = rows_.first_to_block(end, r0, span, slack, depends_, passed_);
         rows_.set_length(end, r0, block.length);
         add_multiple(point_, move_, block.length, 0, width_);
-        if (!finite(point_, n_)) return {Outcome::not_finite, nW, 0, 0, 0, 0, 0.0, 0.0, 0.0, {}};
+        if (!finite(point_, n_)) return {Outcome::not_finite};
       }
       size = length(point_) + m.sought;
       idle = block.length * span <= tolerance::idle * size ? idle + 1 : 0;
@@ -847,51 +756,52 @@ class ActiveSetSearch {
       if (block.row >= 0) {
         rows_.activate(block.row, block.side);
         if (rows_.state[block.row] == Rows::kept) {
-          held_[nW++] = block.row;
+          held_rows_[held++] = block.row;
           if (idle > 0) newest = block.row;
         }
         continue;
       }
-      const double residual = multipliers(top, nW, nB, c0, last, size);
+      const double residual = multipliers(top, held, counted, c0, last, size);
       const double doubt = doubt_after(idle);
-      const int worst = row_to_leave(k, nW, nB, residual, size, idle > n_, doubt);
-      if (worst < 0 && release_hidden(nB, residual)) continue;
+      const int worst = row_to_leave(k, held, counted, residual, size, idle > n_, doubt);
+      if (worst < 0 && release_hidden(counted, residual)) continue;
       if (worst < 0 && doubt > 1.0) smallest = 0.0;  // to be verified
-      if (worst < 0) return {Outcome::solved, nW, nW, nB, m.reflectors, m.rank, residual, m.pivot, size, turn};
+      if (worst < 0) return {Outcome::solved, held, held, counted, m.reflectors, m.rank, residual, m.pivot, size, turn};
       leave(worst);
       last_left = worst;
       for (int i = 0; i < end; ++i) passed_[i] = 0;
-      nW = rows_.compress(held_, nW);
+      held = rows_.compress(held_rows_, held);
     }
   }
 
-  struct Settled {
-    int nW, held, count;  // held rows that remain, held rows determined, rows determined
+  struct Classified {
+    int held, determined_held, determined;  // held rows that remain, held rows determined, all rows determined
     int contradicting;    // hard rows
   };
-  // Sorts the rows of a finished level into those it determined (held rows with a multiplier first; listed in `counted`) and kept ones.
-  Settled settle(int r0, int r1, int nW, double residual, double size) {
+  // Sorts the rows of a finished level into those it determined (held rows with a multiplier first; listed in `counted_rows`) and kept ones.
+  Classified classify_rows(int r0, int r1, int held, double residual, double size) {
     int count = 0;
     if (residual > 0.0) {
       // The residuals that the multipliers balance are known to the rounding of the rows' values.
       double pull = 0.0;
       for (int i = r0; i < r1; ++i)
         if (rows_.working[i]) pull = std::max(pull, rows_.norm[i] * rows_.norm[i]);
-      const double floor = precise_ ? tolerance::multiplier_rounding * pull_ + hidden_pull_
-                                    : std::max(tolerance::multiplier_rounding * residual, tolerance::row_rounding * pull * size);
+      const double floor = uneven_.known
+                               ? uneven_.multiplier_floor()
+                               : std::max(tolerance::multiplier_rounding * residual, tolerance::row_rounding * pull * size);
       int still = 0;
-      for (int i = 0; i < nW; ++i) {
-        const int row = held_[i];
+      for (int i = 0; i < held; ++i) {
+        const int row = held_rows_[i];
         if (multiplier_[i] * rows_.side[row] > floor) {
           rows_.state[row] = Rows::fixed;
-          counted_[count++] = row;
+          counted_rows_[count++] = row;
         } else {
-          held_[still++] = row;
+          held_rows_[still++] = row;
         }
       }
-      nW = still;
+      held = still;
     }
-    const int held = count;
+    const int determined_held = count;
     int contradicting = 0;
     for (int i = r0; i < r1; ++i) {
       const bool working = rows_.working[i] != 0;
@@ -900,13 +810,13 @@ class ActiveSetSearch {
       const double w = working && (hard || !equality) ? missed_by(i, size) : 0.0;
       if (working && (equality || w != 0.0)) {
         rows_.state[i] = Rows::fixed;
-        counted_[count++] = i;
+        counted_rows_[count++] = i;
       } else {
         rows_.state[i] = Rows::kept;
         rows_.low[i] = std::min(rows_.low[i], rows_.value[i]);
         rows_.up[i] = std::max(rows_.up[i], rows_.value[i]);
-        if (working && nW < n_)
-          held_[nW++] = i;
+        if (working && held < n_)
+          held_rows_[held++] = i;
         else if (working)
           rows_.release(i);
       }
@@ -915,12 +825,12 @@ class ActiveSetSearch {
         if (std::fabs(w) > tolerance::contradiction * (rows_.norm[i] * (size + 1.0) + std::fabs(rows_.bound(i)))) ++contradicting;
       }
     }
-    return {nW, held, count, contradicting};
+    return {held, determined_held, count, contradicting};
   }
 
   Outcome search_levels(bool go_on) {
     int contradicting = 0;
-    int nW = 0, c0 = 0;
+    int held = 0, c0 = 0;
     double size = length(point_);
     for (int k = 0; k <= p_; ++k) {
       const bool last = k == p_;
@@ -928,44 +838,44 @@ class ActiveSetSearch {
       if (c0 == n_) break;
       rows_.set_values(point_, r0, r1);
       if (!enter_level(r0, r1, size) && !last) {  // met where the search stands
-        precise_ = false;
-        settle(r0, r1, nW, 0.0, size);
+        uneven_.known = false;
+        classify_rows(r0, r1, held, 0.0, size);
         keep_turns(k, 0, Turn{}, c0);
         continue;
       }
       turn_rows(r0, r1, k);
-      const int started = nW;
-      nW = enter_guessed(r0, nW, n_ - c0);
-      Searched s{Outcome::solved, nW, 0, 0, 0, 0, 0.0, infinite, size, {}};
-      precise_ = false;
-      Met met{false, true, nW, 0, 0.0, 0.0};
-      if (!last) met = meet_level(k, r0, r1, nW, c0);
+      const int started = held;
+      held = enter_guessed(r0, held, n_ - c0);
+      Searched s;
+      uneven_.known = false;
+      Met met{false, true, held, 0, 0.0, 0.0};
+      if (!last) met = meet_level(k, r0, r1, held, c0);
       if (!met.sound) return Outcome::not_finite;
       if (met.met)
-        s = {Outcome::solved, met.nW, 0, met.nB, met.nB, met.nB, 0.0, met.pivot, met.size, {}};
+        s = {Outcome::solved, met.held, 0, met.counted, met.counted, met.counted, 0.0, met.pivot, met.size};
       else
-        s = search_level(k, r0, r1, last, met.nW, c0, met.nW > started);
+        s = search_level(k, r0, r1, last, met.held, c0, met.held > started);
       if (s.outcome != Outcome::solved) return s.outcome;
-      nW = s.nW;
+      held = s.held;
       if (last) break;
       size = s.size;
       // What a damped level reaches is met, however near a singularity, and nothing later keeps where that was.
       if (!tentative_[k] && (k == 0 || !tentative_[k - 1])) smallest = std::min(smallest, s.pivot);
       if (tentative_[k]) {
         keep_reached(k, size);
-        nW = rows_.compress(held_, nW);
+        held = rows_.compress(held_rows_, held);
         keep_turns(k, 0, Turn{}, c0);
         continue;
       }
-      const Settled settled = settle(r0, r1, nW, s.residual, size);
-      nW = settled.nW;
-      contradicting += settled.contradicting;
+      const Classified classified = classify_rows(r0, r1, held, s.residual, size);
+      held = classified.held;
+      contradicting += classified.contradicting;
       if (contradicting && !go_on) return Outcome::infeasible;
-      if (settled.count == 0) {
+      if (classified.determined == 0) {
         s.factored = s.reflectors = s.rank = 0;
         s.turn.r = 0;
-      } else if (settled.held < s.factored || settled.count - settled.held < s.nB) {
-        factor_determined(k, r0, r1, settled, c0, s);  // not the set of the last factorization
+      } else if (classified.determined_held < s.factored || classified.determined - classified.determined_held < s.counted) {
+        factor_determined(k, r0, r1, classified, c0, s);
       }
       c0 += s.factored + s.rank;
       if (c0 < n_) keep_turns(k, s.factored + s.reflectors, s.turn, c0 - s.factored - s.rank);
@@ -977,19 +887,19 @@ class ActiveSetSearch {
   }
 
   // Factors what a level determined, where that is not the working set of its last step: held rows, then its own.
-  void factor_determined(int k, int r0, int r1, const Settled& settled, int c0, Searched& s) {
-    gather_counted(counted_, settled.count, 0);
-    for (int i = 0; i < settled.held; ++i) {
-      const double norm = rows_.norm[counted_[i]];
+  void factor_determined(int k, int r0, int r1, const Classified& classified, int c0, Searched& s) {
+    gather_counted(counted_rows_, classified.determined, 0);
+    for (int i = 0; i < classified.determined_held; ++i) {
+      const double norm = rows_.norm[counted_rows_[i]];
       if (norm > 0.0) scale_row(matrix_[i], 1.0 / norm, width_);
     }
-    for (int i = 0; i < settled.count; ++i) target_[i] = 0.0;
-    s.factored = factor(0, settled.held, c0, settled.count, depends_, 0);
-    const int own = settled.count - settled.held;
-    const Factored f = factor_own(r0, r1, settled.held, own, settled.count, c0 + s.factored, s.factored);
+    for (int i = 0; i < classified.determined; ++i) target_[i] = 0.0;
+    s.factored = factor(0, classified.determined_held, c0, classified.determined, depends_, 0);
+    const int own = classified.determined - classified.determined_held;
+    const Factored f = factor_own(r0, r1, classified.determined_held, own, classified.determined, c0 + s.factored, s.factored);
     s.reflectors = f.reflectors;
     double pivot = 0.0;
-    s.rank = answer_level(k, r0, r1, settled.held, own, c0 + s.factored, f, s.turn, &pivot);
+    s.rank = answer_level(k, r0, r1, classified.determined_held, own, c0 + s.factored, f, s.turn, &pivot);
   }
 
   bool unproven_ = false;  // whether the level that is searched is not left to one QR, or that proved no rank
@@ -1003,8 +913,9 @@ class ActiveSetSearch {
   const double depends_;
   Workspace& workspace_;
   Rows rows_;
+  UnevenResiduals<W> uneven_;  // of the counted rows of a level whose rows are of very different length
   int* offsets_;
-  int* uneven_;       // of each level, whether its rows are of very different length
+  int* uneven_levels_;  // of each level, whether its rows are of very different length
   int* tentative_;    // of each level, whether it is a damped one, followed by its own rows
   Matrix matrix_;     // held rows and counted rows of a step, factored
   Matrix V_;          // their reflectors, one for each column from the level's first on
@@ -1012,19 +923,13 @@ class ActiveSetSearch {
   Matrix* pages_;     // of each level, room for its singular vectors, once they were needed
   Turn* turns_;       // what singular values turned after them
   int *first_, *column_;
-  int *held_, *counted_, *list_;
-  int* released_;     // rows of the level that were released as hidden
+  int *held_rows_, *counted_rows_, *list_;
   int* passed_;       // rows that depend on held ones and stopped a step of length zero
   int* stays_;        // rows that came back at once when they left: their multiplier is rounding error until x moves
   double* origin_;    // which listed row stands where after the factorization's swaps
   double* target_;
   double* multiplier_;
   double* gradient_;
-  // Of each counted row of an uneven level: what it misses by, what of that may be rounding error, see `answer_uneven`.
-  double *missed_, *hidden_, *cosine_;
-  double pull_ = 0.0, hidden_pull_ = 0.0;  // the most that a counted row pulls, and what of multipliers may be rounding error
-  bool doubtful_ = false;  // whether rounding may move a counted row of that level visibly
-  bool precise_ = false;   // whether these are those of the last step
   double *work_, *lengths_;
   double *point_, *step_, *move_, *next_, *goal_;
 };

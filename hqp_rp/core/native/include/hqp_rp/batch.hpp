@@ -24,6 +24,19 @@ HQP_INLINE Lane each(Lane a, Function function) {
 HQP_INLINE Lane root(Lane a) { return each(a, [](double v) { return std::sqrt(v); }); }
 HQP_INLINE Lane size(Lane a) { return each(a, [](double v) { return std::fabs(v); }); }
 
+// Of eight Householder reflectors: beta = -sign(alpha) norm, and what their rows are multiplied by so that ||v||^2 = 2.
+struct EightReflectors {
+  Lane beta, scale;
+
+  HQP_INLINE EightReflectors(Lane alpha, Lane norm) : scale(Lane::all(1.0) / root(norm * (norm + size(alpha)))) {
+    alignas(64) double a[lanes], b[lanes];
+    alpha.store(a);
+    norm.store(b);
+    for (int l = 0; l < lanes; ++l) b[l] = a[l] >= 0.0 ? -b[l] : b[l];
+    beta = Lane::load(b);
+  }
+};
+
 // Eight problems: matrix (8, M, n) and rhs (8, M), each problem's numbers together; z (8, n) apart by z_step, or null.
 struct SideBySide {
   int n, M, p;
@@ -73,7 +86,7 @@ struct SideBySide {
     for (int j = c; j < n; ++j) (get(row, j) - s * get(i, j)).store(at(row, j));
   }
 
-  // LQ of rows r0 ... r1 - 1 on columns c0 ..., in place; `order` lists the rows that come later, which are turned too.
+  // LQ of rows r0 ... r1 - 1 on columns c0 ..., in place; `later` lists the `count` rows that come later, which are turned too.
   void wide_level(int c0, int r0, int r1, const int* later, int count) {
     for (int i = r0; i < r1; ++i) {
       const int c = c0 + i - r0;
@@ -81,13 +94,7 @@ struct SideBySide {
       for (int j = c + 1; j < n; ++j) s = s + get(i, j) * get(i, j);
       const Lane norm = root(s);
       const Lane alpha = get(i, c);
-      const Lane length = root(norm * (norm + size(alpha)));
-      const Lane scale = Lane::all(1.0) / length;
-      alignas(64) double a[lanes], b[lanes];
-      alpha.store(a);
-      norm.store(b);
-      for (int l = 0; l < lanes; ++l) b[l] = a[l] >= 0.0 ? -b[l] : b[l];
-      const Lane beta = Lane::load(b);
+      const auto [beta, scale] = EightReflectors(alpha, norm);
       beta.store(diagonal + i * lanes);
       ((alpha - beta) * scale).store(at(i, c));
       for (int j = c + 1; j < n; ++j) (get(i, j) * scale).store(at(i, j));
@@ -122,12 +129,7 @@ struct SideBySide {
       for (int i = i0; i < r1; ++i) s = s + get(i, c) * get(i, c);
       const Lane norm = root(s);
       const Lane alpha = get(i0, c);
-      const Lane scale = Lane::all(1.0) / root(norm * (norm + size(alpha)));
-      alignas(64) double a[lanes], b[lanes];
-      alpha.store(a);
-      norm.store(b);
-      for (int l = 0; l < lanes; ++l) b[l] = a[l] >= 0.0 ? -b[l] : b[l];
-      const Lane beta = Lane::load(b);
+      const auto [beta, scale] = EightReflectors(alpha, norm);
       ((alpha - beta) * scale).store(at(i0, c));
       for (int i = i0 + 1; i < r1; ++i) (get(i, c) * scale).store(at(i, c));
       for (int j = c + 1; j <= n; ++j) {
@@ -198,7 +200,6 @@ struct SideBySide {
       for (int j = c; j < n; ++j) (Lane::load(y + j * lanes) - s * get(i, j)).store(y + j * lanes);
     }
   }
-
 };
 
 // `one` solves one problem. Side by side go undamped problems; of reverse priority those of no more rows than unknowns, whose answer is

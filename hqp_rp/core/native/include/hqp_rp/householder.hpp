@@ -30,7 +30,19 @@ HQP_INLINE void reflect(double* a, const double* v, int column, W width) {
   add_multiple(a, v, -dot(a, v, column, width), column, width);
 }
 
-// The same for Rows rows of A from row i on, at once: their loads of v and additions overlap.
+// v <- Q^T v for Q = H_1 H_2 ..., `count` reflectors, row l of V at column c0 + l.
+template <class W>
+HQP_INLINE void apply_q_transpose(double* v, Matrix V, int count, int c0, W width) {
+  for (int l = 0; l < count; ++l) reflect(v, V[l], c0 + l, width);
+}
+
+// v <- Q v.
+template <class W>
+HQP_INLINE void apply_q(double* v, Matrix V, int count, int c0, W width) {
+  for (int l = count - 1; l >= 0; --l) reflect(v, V[l], c0 + l, width);
+}
+
+// Rows rows of A from row i on <- themselves times H, at once: their loads of v and additions overlap.
 template <int Rows, class W>
 HQP_INLINE void reflect_together(Matrix A, int i, const double* v, int column, W width) {
   const int first = column / lanes * lanes;

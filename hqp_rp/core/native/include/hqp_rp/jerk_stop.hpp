@@ -15,6 +15,9 @@
 
 namespace hqp {
 
+// N: after how many steps, each by a shorter than the one before, the rest at the distance d > 0 is reached; both finite.
+inline double steps_to_rest(double d, double a) { return std::max(1.0, std::ceil((std::sqrt(1.0 + 8.0 * d / a) - 1.0) / 2.0)); }
+
 // phi(d): the signed step towards a limit at the signed distance d; a = A dt^2, or infinite.
 //
 // phi(d) = sign(d) min(gain |d|, X(|d|)), X(d) = d / N + a (N - 1) / 2, N = max(1, ceil((sqrt(1 + 8 d / a) - 1) / 2)).
@@ -22,7 +25,7 @@ inline double allowed_step(double distance, double gain, double a) {
   const double size = std::fabs(distance);
   double longest = size;
   if (size < std::numeric_limits<double>::infinity() && a < std::numeric_limits<double>::infinity()) {
-    const double steps = std::max(1.0, std::ceil((std::sqrt(1.0 + 8.0 * size / a) - 1.0) / 2.0));
+    const double steps = steps_to_rest(size, a);
     longest = size / steps + a * (steps - 1.0) / 2.0;
   }
   return std::copysign(std::min(gain * size, longest), distance);
@@ -61,7 +64,7 @@ struct JerkStop {
         u -= held * a;
       }
     }
-    const double steps = std::max(1.0, std::ceil((std::sqrt(1.0 + 8.0 * std::fabs(u) / j) - 1.0) / 2.0));
+    const double steps = steps_to_rest(std::fabs(u), j);
     return std::max(0.0, total + (steps - 1.0) / 2.0 * (u - j * steps * (steps + 1.0) / 6.0));
   }
 

@@ -19,6 +19,13 @@
 #define HQP_RESTRICT __restrict__
 #endif
 
+// What few problems need stays out of the way of the others.
+#if defined(_MSC_VER) && !defined(__clang__)
+#define HQP_APART __declspec(noinline)
+#else
+#define HQP_APART __attribute__((noinline))
+#endif
+
 namespace hqp {
 inline namespace HQP_ISA {
 

@@ -9,31 +9,71 @@
 namespace hqp {
 inline namespace HQP_ISA {
 
-// y (r,) <- the minimizer of ||C y - t|| for C^T (r, padded m) that `lq` factored as T, all r rows of it or the first `steps`, `order`
-// saying which row stands where; right (padded m,) holds t padded with zeros, and is overwritten.
-inline void tall_answer(Matrix T, Matrix V, int r, int steps, const double* order, double* right, double* y) {
-  for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
-  for (int j = r - 1; j >= 0; --j) {
-    double s = j < steps ? right[j] : 0.0;
-    for (int i = j + 1; i < steps; ++i) s -= T[i][j] * right[i];
-    right[j] = j < steps ? s / T[j][j] : 0.0;
-  }
-  for (int j = 0; j < r; ++j) y[static_cast<int>(order[j])] = right[j];
-}
+// min ||C y - t|| for C (m, r), m >= r, by QR with column pivoting, the row-pivoted LQ of the transpose. With rows sorted by falling
+// size it is stable row by row (Cox and Higham 1998): rows of very different weight do not swamp each other.
+struct TallSystem {
+  int r, m;
+  Matrix T;           // (r, m padded): C^T, then its triangle
+  Matrix V;           // (r, m padded): its reflectors
+  double* right;      // (m padded,): t padded with zeros; `solve` leaves Q^T t behind the triangle, y before it in the triangle's order
+  double* order;      // (r,): which unknown stands where
+  double* lengths;    // (2 r,)
+  int reflectors = 0;
 
-// min ||C y - t|| for C (m, r) of full column rank, m >= r, given by T = C^T (r, padded m), overwritten; right (padded m,) holds t
+  TallSystem(int r_, int m_, Matrix T_, double* right_, Workspace& workspace)
+      : r(r_), m(m_), T(T_), V(make_matrix(workspace, r, m)), right(right_), order(workspace.numbers(r)), lengths(workspace.numbers(2 * r)) {
+    for (int j = 0; j < r; ++j) order[j] = j;
+  }
+  TallSystem(int r_, int m_, Workspace& workspace)
+      : TallSystem(r_, m_, make_matrix(workspace, r_, m_), workspace.numbers(padded(m_)), workspace) {}
+
+  // C and t <- rows `rows` (m,) of A from column c0 on, and those of `target`.
+  void load(Matrix A, const int* rows, int c0, const double* target) {
+    for (int i = 0; i < T.stride; ++i) {
+      if (i < m) {
+        const double* from = A[rows[i]] + c0;
+        for (int j = 0; j < r; ++j) T[j][i] = from[j];
+        right[i] = target[rows[i]];
+      } else {
+        for (int j = 0; j < r; ++j) T[j][i] = 0.0;
+        right[i] = 0.0;
+      }
+    }
+  }
+  // C (m, r) <- L, which `lq` left in rows r0 ... r0 + m - 1 of A from column c0 on; t <- target (m,).
+  void load_triangle(Matrix A, int r0, int c0, const double* target) {
+    transpose_triangle(T, A, r0, m, c0, r);
+    for (int i = 0; i < T.stride; ++i) right[i] = i < m ? target[i] : 0.0;
+  }
+  void factor() { reflectors = lq(T, 0, r, 0, m, order, 0.0, V, lengths, T.stride); }
+  // Proven: C has full column rank, no singular value being <= tol * norm.
+  Factored factor(double norm, double tol) {
+    Factored f = factor_level(T, 0, r, 0, m, order, norm, tol, V, lengths, T.stride);
+    reflectors = f.reflectors;
+    f.proven = f.proven && f.reflectors == r;
+    return f;
+  }
+  // v (m padded,) <- Q^T v, the triangle being Q^T C.
+  void turn(double* v) const { apply_q_transpose(v, V, reflectors, 0, T.stride); }
+  // y (r,) <- the minimizer; 0 for unknowns that stand behind the triangle.
+  void solve(double* y) {
+    turn(right);
+    for (int j = reflectors - 1; j >= 0; --j) {
+      double s = right[j];
+      for (int i = j + 1; i < reflectors; ++i) s -= T[i][j] * right[i];
+      right[j] = s / T[j][j];
+    }
+    for (int j = 0; j < r; ++j) y[static_cast<int>(order[j])] = j < reflectors ? right[j] : 0.0;
+  }
+};
+
+// min ||C y - t|| for C (m, r) of full column rank, m >= r, given by T = C^T (r, m padded), overwritten; right (m padded,) holds t
 // padded with zeros. y (r,) is written.
-//
-// QR with column pivoting is the row-pivoted LQ of the transpose; with rows sorted by falling size it is stable row by row (Cox and
-// Higham 1998): rows of very different weight do not swamp each other.
 inline void tall_least_squares(Matrix T, int r, int m, double* right, double* y, Workspace& workspace) {
   Workspace::Scope scope(workspace);
-  double* order = workspace.numbers(r);
-  double* lengths = workspace.numbers(2 * r);
-  Matrix V = make_matrix(workspace, r, m);
-  for (int j = 0; j < r; ++j) order[j] = j;
-  const int steps = lq(T, 0, r, 0, m, order, 0.0, V, lengths, T.stride);
-  tall_answer(T, V, r, steps, order, right, y);
+  TallSystem tall(r, m, T, right, workspace);
+  tall.factor();
+  tall.solve(y);
 }
 
 // y (d,) <- the minimizer of ||C y - t||, C being rows r0 ... r0 + m - 1 of A from column c0 on, d <= m columns, where one QR proves
@@ -41,32 +81,17 @@ inline void tall_least_squares(Matrix T, int r, int m, double* right, double* y,
 inline Factored tall_level(Matrix A, int r0, int m, int c0, int d, double norm, double tol, const double* t, double* y,
                            Workspace& workspace) {
   Workspace::Scope scope(workspace);
-  Matrix T = make_matrix(workspace, d, m);
-  Matrix V = make_matrix(workspace, d, m);
-  double* right = workspace.numbers(T.stride);
+  TallSystem tall(d, m, workspace);
   double* squares = workspace.numbers(m);
-  double* order = workspace.numbers(d);
-  double* lengths = workspace.numbers(2 * d);
   int* rows = workspace.counts(m);
   for (int i = 0; i < m; ++i) {
     squares[i] = square_from(A[r0 + i], c0, A.stride);
     rows[i] = i;
   }
   std::sort(rows, rows + m, [squares](int a, int b) { return squares[a] > squares[b] || (squares[a] == squares[b] && a < b); });
-  for (int i = 0; i < T.stride; ++i) {
-    if (i < m) {
-      const double* from = A[r0 + rows[i]] + c0;
-      for (int j = 0; j < d; ++j) T[j][i] = from[j];
-      right[i] = t[rows[i]];
-    } else {
-      for (int j = 0; j < d; ++j) T[j][i] = 0.0;
-      right[i] = 0.0;
-    }
-  }
-  for (int j = 0; j < d; ++j) order[j] = j;
-  Factored f = factor_level(T, 0, d, 0, m, order, norm, tol, V, lengths, T.stride);
-  f.proven = f.proven && f.reflectors == d;
-  if (f.proven) tall_answer(T, V, d, d, order, right, y);
+  tall.load(A.below(r0), rows, c0, t);
+  const Factored f = tall.factor(norm, tol);
+  if (f.proven) tall.solve(y);
   return f;
 }
 
@@ -92,13 +117,11 @@ inline void level_least_squares(Matrix A, int r0, int m, int c0, int r, double* 
     return;
   }
   Workspace::Scope scope(workspace);
-  Matrix T = make_matrix(workspace, r, m);
-  double* right = workspace.numbers(T.stride);
+  TallSystem tall(r, m, workspace);
   double* y = workspace.numbers(r);
-  for (int i = 0; i < T.stride; ++i) right[i] = i < m ? t[i] : 0.0;
-  for (int j = 0; j < r; ++j)
-    for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < m ? A[r0 + i][c0 + j] : 0.0;
-  tall_least_squares(T, r, m, right, y, workspace);
+  tall.load_triangle(A, r0, c0, t);
+  tall.factor();
+  tall.solve(y);
   for (int j = 0; j < r; ++j) t[j] = y[j];
 }
 
@@ -140,13 +163,11 @@ inline Decided decide_level(Matrix A, int r0, int m, int c0, int r, int free, do
   Workspace::Scope scope(workspace);
   Matrix T = make_matrix(workspace, r, m);
   double* sigma = workspace.numbers(r);
-  for (int j = 0; j < r; ++j)
-    for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < m ? A[r0 + i][c0 + j] : 0.0;
+  transpose_triangle(T, A, r0, m, c0, r);
   orthogonalize_rows(T, r, turn.V, sigma, T.stride);
   turn.r = r;
   turn.c0 = c0;
-  int rank = 0;
-  while (rank < r && sigma[rank] > zero) ++rank;
+  const int rank = count_above(sigma, r, zero);
   const double factor = damping_factor(damping, sigma, r, r == std::min(m, free));
   const double cut = damping.kind == Damping::truncation ? damping.first * damping.unit : 0.0;
   for (int j = 0; j < r; ++j) answer[j] = 0.0;

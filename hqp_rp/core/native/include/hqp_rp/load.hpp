@@ -65,6 +65,13 @@ HQP_INLINE double inverse_power_of_two(double x) {
   return std::bit_cast<double>((2045 - exponent) << 52);
 }
 
+// A power of two that brings the largest entry of a matrix, > 0, near one without being itself out of range.
+inline double scale_to_one(double largest) {
+  int exponent = 0;
+  std::frexp(largest, &exponent);
+  return std::ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
+}
+
 struct Loaded {
   double scale;  // a power of two by which the rows were multiplied
   double norm;   // ||scale A_k||_F
@@ -92,10 +99,7 @@ HQP_INLINE Loaded load_level(const double* matrix, int rows, int n, int m, Matri
       largest = a > largest ? a : largest;
     }
   if (largest == 0.0) return {1.0, 0.0, true};
-  int exponent = 0;
-  std::frexp(largest, &exponent);
-  const int power = exponent > 1000 ? 1000 : exponent < -1000 ? -1000 : exponent;
-  const double scale = std::ldexp(1.0, -power);
+  const double scale = scale_to_one(largest);
   square = 0.0;
   for (int i = 0; i < m; ++i)
     for (int j = 0; j < width; ++j) {

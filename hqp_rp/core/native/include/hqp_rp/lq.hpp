@@ -65,6 +65,12 @@ HQP_INLINE int lq(Matrix A, int r0, int r1, int c0, int n, double* companion, do
   return steps;
 }
 
+// T (r, m padded) <- L^T for L (m, r), which `lq` left in rows r0 ... r0 + m - 1 of A from column c0 on.
+inline void transpose_triangle(Matrix T, Matrix A, int r0, int m, int c0, int r) {
+  for (int j = 0; j < r; ++j)
+    for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < m ? A[r0 + i][c0 + j] : 0.0;
+}
+
 // ||L^-1||_F, whose inverse is a rigorous bound below the smallest singular value of the leading r x r triangle. `column` (r,).
 HQP_INLINE double inverse_norm(Matrix L, int r0, int c0, int r, double* column) {
   double total = 0.0;

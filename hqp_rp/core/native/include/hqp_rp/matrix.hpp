@@ -76,6 +76,14 @@ HQP_INLINE double dot_anywhere(const double* a, const double* b, int n) {
   return total;
 }
 
+// The same one number after the other, for vectors that are short and stand anywhere.
+inline double product(const double* a, const double* b, int n) {
+  double s = 0.0;
+  for (int j = 0; j < n; ++j) s += a[j] * b[j];
+  return s;
+}
+inline double length_of(const double* v, int n) { return std::sqrt(product(v, v, n)); }
+
 // ||a[first:]||^2.
 template <class W>
 HQP_INLINE double square_from(const double* a, int first, W width) {

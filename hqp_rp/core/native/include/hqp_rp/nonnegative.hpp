@@ -9,12 +9,6 @@
 namespace hqp {
 inline namespace HQP_ISA {
 
-inline double length_of(const double* v, int n) {
-  double s = 0.0;
-  for (int j = 0; j < n; ++j) s += v[j] * v[j];
-  return std::sqrt(s);
-}
-
 // rest (d,) <- y - sum_i w_i c_i for a w (k,) >= 0 that makes it short, c_i the rows of C (k, d padded): any w >= 0 gives an upper
 // bound. Ends where ||rest|| <= enough. Source: Lawson and Hanson 1974, algorithm NNLS, begun with the least squares of all columns.
 inline void nonnegative_least_squares(Matrix C, int k, int d, const double* y, double* w, double* rest, double enough,

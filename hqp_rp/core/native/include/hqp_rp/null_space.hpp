@@ -92,7 +92,7 @@ inline Outcome null_space(const Problem& problem, const double* z, double rank_t
   }
   for (int k = done - 1; k >= 0; --k) {
     if (turns[k].r) turns[k].back(y, answer);
-    for (int t_ = first[k + 1] - 1; t_ >= first[k]; --t_) reflect(y, V[t_], column[k] + t_ - first[k], width);
+    apply_q(y, V.below(first[k]), first[k + 1] - first[k], column[k], width);
   }
   for (int j = 0; j < n; ++j) {
     const double value = z ? z[j] + y[j] : y[j];

@@ -176,18 +176,11 @@ class Proof {
   // right (r,) <- what of the residuals the factor's column space holds: Q^T right with L = Q R.
   void tall_part(int m, int c0, int r) {
     Workspace::Scope scope(workspace_);
-    Matrix T = make_matrix(workspace_, r, m);
-    Matrix V = make_matrix(workspace_, r, m);
-    double* right = workspace_.numbers(T.stride);
-    double* order = workspace_.numbers(r);
-    for (int j = 0; j < r; ++j) {
-      order[j] = j;
-      for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < m ? work_[i][c0 + j] : 0.0;
-    }
-    for (int i = 0; i < T.stride; ++i) right[i] = i < m ? right_[i] : 0.0;
-    const int steps = lq(T, 0, r, 0, m, order, 0.0, V, lengths_, T.stride);
-    for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
-    for (int j = 0; j < r; ++j) right_[j] = right[j];
+    TallSystem tall(r, m, workspace_);
+    tall.load_triangle(work_, 0, c0, right_);
+    tall.factor();
+    tall.turn(tall.right);
+    for (int j = 0; j < r; ++j) right_[j] = tall.right[j];
   }
 
   // Whether moves z with H z <= 0 (H the held rows' outward normals), each at the cost step_cost * size * ||z||, are proven to remove

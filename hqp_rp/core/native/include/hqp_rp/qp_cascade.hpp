@@ -347,34 +347,25 @@ class QPCascade final : public QPStages {
         return;
       }
       // More rows than columns: R and Q^T residual of a QR serve as well.
-      Matrix T = make_matrix(memory_, r, mE);
-      Matrix U = make_matrix(memory_, r, mE);
-      double* right = memory_.numbers(T.stride);
-      double* columns = memory_.numbers(r);
-      for (int j = 0; j < r; ++j) {
-        columns[j] = j;
-        for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < mE ? work_[i][c0_ + j] : 0.0;
-      }
-      for (int i = 0; i < T.stride; ++i) right[i] = i < mE ? residual_[i] : 0.0;
-      lq(T, 0, r, 0, mE, columns, 0.0, U, lengths_, T.stride);
-      for (int j = 0; j < r; ++j) reflect(right, U[j], j, T.stride);
+      TallSystem tall(r, mE, memory_);
+      tall.load_triangle(work_, 0, c0_, residual_);
+      tall.factor();
+      tall.turn(tall.right);
       for (int i = 0; i < r; ++i) {
         fill(own_[i], 0.0, own_.stride);
-        for (int j = i; j < r; ++j) own_[i][static_cast<int>(columns[j])] = T[j][i];
-        c_[i] = right[i];
+        for (int j = i; j < r; ++j) own_[i][static_cast<int>(tall.order[j])] = tall.T[j][i];
+        c_[i] = tall.right[i];
       }
       return;
     }
     // Singular values: the rank by the library's rule, and directions scaled so that the QP is well conditioned.
     Matrix T = make_matrix(memory_, r, mE);
     double* sigma = memory_.numbers(r);
-    for (int j = 0; j < r; ++j)
-      for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < mE ? work_[i][c0_ + j] : 0.0;
+    transpose_triangle(T, work_, 0, mE, c0_, r);
     Turn turn{turn_, r, c0_};
     orthogonalize_rows(T, r, turn_, sigma, T.stride);
     const double zero = f.proven ? 0.0 : tol_ * spectral(A_[r0], r1 - r0, n_, A_.stride, memory_);
-    rank_ = 0;
-    while (rank_ < r && sigma[rank_] > zero) ++rank_;
+    rank_ = count_above(sigma, r, zero);
     turn_all_by(turn, mS, K);
     for (int i = 0; i < rank_; ++i) {
       double s = 0.0;
@@ -421,12 +412,10 @@ class QPCascade final : public QPStages {
     if (f.proven) return c0 + r;
     Matrix T = make_matrix(memory_, r, count);
     double* sigma = memory_.numbers(r);
-    for (int j = 0; j < r; ++j)
-      for (int i = 0; i < T.stride; ++i) T[j][i] = i >= j && i < count ? work_[i][c0 + j] : 0.0;
+    transpose_triangle(T, work_, 0, count, c0, r);
     orthogonalize_rows(T, r, turn_, sigma, T.stride);
     const double zero = tol_ * spectral(A_[r0], r1 - r0, n_, A_.stride, memory_);
-    int rank = 0;
-    while (rank < r && sigma[rank] > zero) ++rank;
+    const int rank = count_above(sigma, r, zero);
     turn_all_by(Turn{turn_, r, c0}, mS, K);
     return c0 + rank;
   }

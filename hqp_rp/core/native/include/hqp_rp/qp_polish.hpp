@@ -18,11 +18,7 @@ struct SlackQP {
   const double* G;         // (m, n), contiguous
   const double *lower, *upper;
 
-  double value(int i, const double* t) const {
-    double s = 0.0;
-    for (int j = 0; j < n; ++j) s += G[static_cast<std::ptrdiff_t>(i) * n + j] * t[j];
-    return s;
-  }
+  double value(int i, const double* t) const { return product(G + static_cast<std::ptrdiff_t>(i) * n, t, n); }
   double violation(int i, double v) const { return v > upper[i] ? v - upper[i] : v < lower[i] ? v - lower[i] : 0.0; }
   double objective(const double* t) const {
     double total = 0.0;
@@ -83,7 +79,7 @@ inline void equality_answer(Matrix A, const double* b, int rows, Matrix E, const
       level_least_squares(W, a, rows, rE, r, residual, workspace);
       for (int j = 0; j < r; ++j) step[rE + j] = residual[j];
     }
-    for (int j = rE + r - 1; j >= 0; --j) reflect(step, V[j], j, W.stride);
+    apply_q(step, V, rE + r, 0, W.stride);
     for (int j = 0; j < n; ++j) t_new[j] += step[j];
   }
   for (int i = 0; i < a; ++i) multipliers[i] = 0.0;
@@ -94,7 +90,7 @@ inline void equality_answer(Matrix A, const double* b, int rows, Matrix E, const
     for (int j = 0; j < n; ++j) s += A[i][j] * t_new[j];
     add_multiple(step, A[i], s, 0, W.stride);
   }
-  for (int j = 0; j < rE; ++j) reflect(step, V[j], j, W.stride);
+  apply_q_transpose(step, V, rE, 0, W.stride);
   for (int i = rE - 1; i >= 0; --i) {
     double s = -step[i];
     for (int j = i + 1; j < rE; ++j) s -= W[j][i] * multipliers[static_cast<int>(order[j])];
@@ -126,11 +122,7 @@ inline void polish(const SlackQP& qp, double* t, double* y, Workspace& workspace
     for (int j = 0; j < to.stride; ++j) to[at][j] = j < n ? from[j] : 0.0;
   };
   for (int i = 0; i < m; ++i) {
-    lengths[i] = std::sqrt([&] {
-      double s = 0.0;
-      for (int j = 0; j < n; ++j) s += qp.G[static_cast<std::ptrdiff_t>(i) * n + j] * qp.G[static_cast<std::ptrdiff_t>(i) * n + j];
-      return s;
-    }());
+    lengths[i] = length_of(qp.G + static_cast<std::ptrdiff_t>(i) * n, n);
     const double signal = i < qp.soft ? qp.violation(i, qp.value(i, t)) : y[i];
     side[i] = signal > tolerance::polish_active && qp.upper[i] < tolerance::no_bound     ? 1
               : signal < -tolerance::polish_active && qp.lower[i] > -tolerance::no_bound ? -1 : 0;

@@ -59,11 +59,8 @@ inline bool tall_completion(Matrix B, int below, int n, int rank, const double* 
   const int extra = lambda > 0.0 ? d : 0;
   if (below + extra < d) return false;
   const int m = below + extra;
-  Matrix T = make_matrix(workspace, d, m);
-  Matrix V = make_matrix(workspace, d, m);
-  double* right = workspace.numbers(T.stride);
-  double* columns = workspace.numbers(d);
-  double* lengths = workspace.numbers(2 * d);
+  TallSystem tall(d, m, workspace);
+  const Matrix T = tall.T;
   int* order = workspace.counts(below);
   by_weight(weight, below, order);  // rows by falling size: the factorization is then stable row by row
   for (int i = 0; i < below; ++i) {
@@ -71,28 +68,18 @@ inline bool tall_completion(Matrix B, int below, int n, int rank, const double* 
     const double w = weight[order[i]];
     double s = 0.0;
     for (int j = 0; j < rank; ++j) s -= row[j] * y[j];
-    right[i] = s * w;
+    tall.right[i] = s * w;
     for (int j = 0; j < d; ++j) T[j][i] = row[rank + j] * w;
   }
   for (int i = below; i < T.stride; ++i) {
-    right[i] = 0.0;
+    tall.right[i] = 0.0;
     for (int j = 0; j < d; ++j) T[j][i] = i - below == j && extra ? lambda : 0.0;
   }
-  for (int j = 0; j < d; ++j) columns[j] = j;
-  int steps = d;
-  if (extra) {
-    steps = lq(T, 0, d, 0, m, columns, 0.0, V, lengths, T.stride);
-  } else {
-    const Factored f = factor_level(T, 0, d, 0, m, columns, norm, tol, V, lengths, T.stride);
-    if (f.reflectors < d || !f.proven) return false;
-  }
-  for (int j = 0; j < steps; ++j) reflect(right, V[j], j, T.stride);
-  for (int j = steps - 1; j >= 0; --j) {
-    double s = right[j];
-    for (int i = j + 1; i < steps; ++i) s -= T[i][j] * right[i];
-    right[j] = s / T[j][j];
-  }
-  for (int j = 0; j < d; ++j) y[rank + static_cast<int>(columns[j])] = j < steps ? right[j] : 0.0;
+  if (extra)
+    tall.factor();
+  else if (!tall.factor(norm, tol).proven)
+    return false;
+  tall.solve(y + rank);
   return true;
 }
 
@@ -153,8 +140,7 @@ inline void reverse_step(Matrix R, int m, int below, int n, const double* weight
     if (q) {
       Turn low_turn;
       Matrix L = make_matrix(workspace, q, below);  // L^T, then (U S)^T where singular values decide
-      for (int j = 0; j < q; ++j)
-        for (int i = 0; i < L.stride; ++i) L[j][i] = i >= j && i < below ? B[i][rank + j] : 0.0;
+      transpose_triangle(L, B, 0, below, rank, q);
       int low_rank = q;
       if (!low.proven) {
         double* sigma = workspace.numbers(q);
@@ -163,8 +149,7 @@ inline void reverse_step(Matrix R, int m, int below, int n, const double* weight
         low_turn.c0 = rank;
         orthogonalize_rows(L, q, low_turn.V, sigma, L.stride);
         const double zero = tol * spectral(before[0], below, n, before.stride, workspace);
-        low_rank = 0;
-        while (low_rank < q && sigma[low_rank] > zero) ++low_rank;
+        low_rank = count_above(sigma, q, zero);
       }
       if (low_rank == below && low.proven) {
         level_least_squares(B, 0, below, rank, q, low_t, workspace);
@@ -181,11 +166,11 @@ inline void reverse_step(Matrix R, int m, int below, int n, const double* weight
         tall_least_squares(T, low_rank, below, sorted, y + rank, workspace);
       }
       if (low_turn.r) low_turn.back(y, answer);
-      for (int j = q - 1; j >= 0; --j) reflect(y, V_low[j], rank + j, width);
+      apply_q(y, V_low, q, rank, width);
     }
   }
   if (turn.r) turn.back(y, answer);
-  for (int j = r - 1; j >= 0; --j) reflect(y, V[j], j, width);
+  apply_q(y, V, r, 0, width);
 }
 
 // Whether the leading n rows have nothing behind their diagonal.
@@ -249,7 +234,7 @@ struct LowerRows {
         for (int l = 0; l < i; ++l) v -= C[i][l] * u[l];
         u[i] = v / C[i][i];
       }
-      for (int j = m - 1; j >= 0; --j) reflect(u, V[j], j, width);
+      apply_q(u, V, m, 0, width);
       for (int i = 0; i < n; ++i) lengths[i] = dot(G[i], u, 0, width);
       for (int i = 0; i < n; ++i) y[i] += lengths[i];
     }
@@ -386,8 +371,7 @@ inline Outcome reverse_priority(const Problem& problem, const double* z, double 
         if (k) lower.append(C, own, m, n, unit / scale[k], workspace, width);
       }
     }
-    if (turned)
-      for (int j = c0 - 1; j >= 0; --j) reflect(y, V[j], j, width);
+    if (turned) apply_q(y, V, c0, 0, width);
     for (int j = 0; j < width; j += lanes) (Lane::load(current + j) + Lane::load(y + j)).store(current + j);
   }
 

@@ -50,12 +50,11 @@ class Split {
     reflect_rows_by_all(Q, 0, d, V_, r_, 0, Q.stride);
     singular_ = r_ > 0 && !(zero * inverse_norm(work_, 0, 0, r_, lengths_) < 1.0);
     if (!singular_) return;
-    for (int j = 0; j < r_; ++j)
-      for (int i = 0; i < T_.stride; ++i) T_[j][i] = i >= j && i < m ? work_[i][j] : 0.0;
+    transpose_triangle(T_, work_, 0, m, 0, r_);
     orthogonalize_rows(T_, r_, turn_V_, sigma_, T_.stride);
     Turn turn{turn_V_, r_, 0};
     for (int i = 0; i < d; ++i) turn.forward(Q[i], lengths_);
-    for (rank = 0; rank < r_ && sigma_[rank] > zero;) ++rank;
+    rank = count_above(sigma_, r_, zero);
   }
 
   // y (d,) <- the least-norm minimizer of ||B y - t||, t (m,).
@@ -114,12 +113,6 @@ class Split {
   Matrix Q;      // (d, d): the first `rank` columns span the rows of B, the others its null space
   int rank = 0;
 };
-
-inline double product(const double* a, const double* b, int n) {
-  double s = 0.0;
-  for (int j = 0; j < n; ++j) s += a[j] * b[j];
-  return s;
-}
 
 // C (rows, columns) <- A (rows, inner) times columns first ... first + columns - 1 of B; plain, for the small matrices here.
 inline void times_columns(Matrix C, Matrix A, Matrix B, int rows, int inner, int first, int columns) {

@@ -61,6 +61,13 @@ HQP_INLINE void orthogonalize_rows(Matrix T, int r, Matrix V, double* sigma, W w
   for (int i = 0; i < r; ++i) sigma[i] = std::sqrt(square_from(T[i], 0, width));
 }
 
+// How many of r falling singular values exceed `zero`.
+inline int count_above(const double* sigma, int r, double zero) {
+  int count = 0;
+  while (count < r && sigma[count] > zero) ++count;
+  return count;
+}
+
 // ||A||_2 of `rows` rows (padded); A is left as it is.
 inline double spectral(const double* data, int rows, int columns, int stride, Workspace& workspace) {
   Workspace::Scope scope(workspace);

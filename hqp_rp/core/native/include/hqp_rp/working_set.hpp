@@ -71,11 +71,7 @@ struct WorkingRows {
         if (!(a < infinite)) return false;
         largest = largest > a ? largest : a;
       }
-      if (largest > 0.0) {
-        int exponent = 0;
-        std::frexp(largest, &exponent);
-        scale = std::ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
-      }
+      if (largest > 0.0) scale = scale_to_one(largest);
       longest = 0.0, shortest = infinite;
       for (int i = 0; i < m; ++i) {
         for (int j = 0; j < width; ++j) R[r0 + i][j] = j < n ? matrix[static_cast<std::ptrdiff_t>(i) * n + j] * scale : 0.0;
