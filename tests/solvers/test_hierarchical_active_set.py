@@ -15,6 +15,7 @@ from tests.fuzz_uneven import row_errors
 from tests.problems import (
     EQUALITY_CASES,
     boxed,
+    degenerate,
     independent,
     near_singular,
     nearly_degenerate,
@@ -299,6 +300,21 @@ def test_a_row_that_comes_back_at_once_stays() -> None:
     assert solution.status is Status.SOLVED
     assert solution.iterations < 100
     assert certify(problem, solution.x).ok
+
+
+@pytest.mark.parametrize(("seed", "iterations"), [(6323, 9), (11564, 14), (20190, 11)])
+def test_rows_keep_their_targets_where_the_newest_one_leaves_a_degenerate_vertex(seed: int, iterations: int) -> None:
+    solution = get_solver(NAME).solve(degenerate(seed))
+    assert solution.status is Status.SOLVED
+    assert solution.iterations <= iterations  # with another row's target, each took two more to come back
+
+
+def test_bounds_that_depend_on_each_other_to_1e_8_do_not_cycle() -> None:
+    """An arm at its joint limits under a variable damping."""
+    problem = load_problem(Path(__file__).parent.parent / "cases" / "nearly_dependent_bounds.npz")
+    solution = solve(problem, NAME)
+    assert solution.status in (Status.SOLVED, Status.INACCURATE)
+    assert solution.iterations < 50
 
 
 @pytest.mark.parametrize("by", [1e-2, -1e-4, 1e-6, 1e-10])

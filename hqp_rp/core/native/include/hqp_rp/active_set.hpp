@@ -350,9 +350,11 @@ class ActiveSetSearch {
     return {true, sought, f.smallest};
   }
   // Gathers held and counted rows and factors the held ones; those that depend on others of them leave. Returns how many remain.
+  // top: how many are held, and after it where the counted rows stand, which is that many unless `newest` left.
   // newest (-1 for none): the row that stopped a step of length zero. Where it depends on the others, the point is a degenerate vertex
   // and what carried the row across its bound rounding: it is passed, and may not stop a step until the working set is another.
-  int factor_held(int k, int held, int counted, int c0, int newest) {
+  int factor_held(int k, int& top, int counted, int c0, int newest) {
+    const int held = top;
     gather_held(k, held, 0);
     gather_counted(counted_rows_, counted, held);
     if (held == 0) return 0;
@@ -361,7 +363,8 @@ class ActiveSetSearch {
       smallest_held = 0.0;
       rows_.release(newest);
       passed_[newest] = 1;
-      return factor_held(k, rows_.compress(held_rows_, held), counted, c0, -1);
+      top = rows_.compress(held_rows_, held);
+      return factor_held(k, top, counted, c0, -1);
     }
     for (int i = 0; i < r; ++i) smallest_held = std::min(smallest_held, std::fabs(matrix_[i][c0 + i]));
     if (r < held) {
@@ -686,8 +689,8 @@ class ActiveSetSearch {
         held = enter_guess(k, r0, r1, last, held, c0);
       }
       const int counted = list_counted(r0, r1);
-      const int top = held;
-      held = factor_held(k, held, counted, c0, newest);
+      int top = held;
+      held = factor_held(k, top, counted, c0, newest);
       newest = -1;
       const double begun = length(point_);
       Turn turn;
