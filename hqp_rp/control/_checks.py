@@ -54,11 +54,17 @@ def finite_vector(value: ArrayLike, size: int, what: str, unit: str) -> FloatArr
 
 def checked_motion(value: ArrayLike, robot: Robot, what: str, unit: str) -> FloatArray:
     """A velocity or acceleration (nv,) of a robot, finite and C-contiguous; the array itself where it is so."""
-    vector = _native.finite_vector(value, robot.nv)
-    if vector is None:
-        shown = value.tolist() if isinstance(value, np.ndarray) else repr(value)
-        raise SettingError(f"{what} is {shown}; it must be {robot.nv} finite numbers in {unit}.")
-    return vector
+    vector = _native.finite_numbers(value, robot.nv)
+    if vector is not None:
+        return vector
+    try:
+        array = np.asarray(value)
+        rounded = array if array.dtype.kind == "c" else np.ascontiguousarray(array, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise SettingError(f"{what} is {value!r}; it must be {robot.nv} numbers in {unit}.") from None
+    if rounded.dtype.kind == "c" or rounded.shape != (robot.nv,) or not is_finite(rounded):
+        raise SettingError(f"{what} is {rounded.tolist()}; it must be {robot.nv} finite numbers in {unit}.")
+    return rounded
 
 
 def rotation(value: Any, what: str) -> FloatArray:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
-import math
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -12,24 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hqp_rp.control._checks import check_frames, checked_motion, finite_vector, positive_number
-from hqp_rp.control._contact_rows import ContactRows
+from hqp_rp.control._checks import checked_motion, positive_number
 from hqp_rp.control._refusal import outline
-from hqp_rp.control._rows_in_words import torque_rows_in_words
 from hqp_rp.control._stack_metric import MetricOnRobot, StackMetric
 from hqp_rp.control._stack_warnings import at_once, at_once_on, warn_of_brakes
+from hqp_rp.control._torque_rows import TorqueRows
 from hqp_rp.control.acceleration_stack import AccelerationStack
 from hqp_rp.control.contact import Contact
 from hqp_rp.control.contact_force_task import ContactForceTask
 from hqp_rp.control.inverse_dynamics import InverseDynamics
-from hqp_rp.control.limit import PerJoint, checked_per_joint, per_joint
+from hqp_rp.control.limit import PerJoint, checked_per_joint
 from hqp_rp.control.torque_task import TorqueTask
-from hqp_rp.core import _native
 from hqp_rp.core.damping import LevelDamping
-from hqp_rp.core.errors import ProblemError, RobotError, SettingError
-from hqp_rp.core.problem import FloatArray, IntArray, Problem
+from hqp_rp.core.errors import SettingError
+from hqp_rp.core.problem import FloatArray, Problem
 from hqp_rp.core.row_names import ROW_NAMES
-from hqp_rp.robot.dynamics import dynamics_reader
 from hqp_rp.robot.robot import Robot
 
 _DYNAMICS = "inverse dynamics"
@@ -155,8 +150,7 @@ class TorqueStack:
         if unbraked is not None:
             warn_of_brakes(unbraked)
             self._warned = True
-        self._robot: Robot | None = None
-        self._motion_offsets: tuple[IntArray, IntArray] | None = None
+        self._on: TorqueRows | None = None
 
     def _level_names(self, names: Sequence[str] | None) -> tuple[str, ...]:
         if names is None:
@@ -218,38 +212,24 @@ class TorqueStack:
             dt = motion._checked_dt(dt)
         velocity = checked_motion(v, robot, "v", "rad/s or m/s")
         given, given_lower, given_upper, policies = motion._filled(rows, robot, dt, velocity, a)
-        if robot is not self._robot:
-            self._meet(robot)
-        contacts = self._contact_rows
-        if contacts.read(velocity) or motion._offsets is not self._motion_offsets:
-            self._lay_out()
-        M, h = self._mass_matrix, self._bias
-        self._read_dynamics(velocity, M, h)
-        if applied is not None:
-            h -= finite_vector(applied, robot.nv, "applied", "N m or N")
-        made = self._native.rows(given, given_lower, given_upper)
-        if made is None:
-            raise ProblemError(f"The mass matrix or the bias torque of {robot!r} is not finite at this q and v.")
-        matrix, lower, upper, torque_map, offset, jacobian = made
-        for item, place in self._force_places:
-            A, b = self._force_rows(item, torque_map, offset)
-            matrix[place] = A
-            lower[place] = upper[place] = b
-        degrees = self._degrees if contacts.fading else None
-        dynamics = InverseDynamics(
-            torque_map, offset, self._driven, self._limit, robot.nv, self._force_unit, jacobian, degrees
-        )
+        on = self._on
+        if on is None or on.robot is not robot:
+            on = self._meet(robot)
+        offsets = motion._offsets
+        if on.read(velocity, offsets):
+            on.lay_out(offsets, self._motion_levels, len(self._levels), self._force_items, motion._hard, rows.counts)
+        matrix, lower, upper, dynamics = on.fill(velocity, applied, given, given_lower, given_upper)
         return Problem.from_rows(
             matrix,
             lower,
             upper,
-            self._offsets,
+            on.offsets,
             self._all_names,
-            self._first,
+            on.hard_rows,
             not motion._two_sided,
             None if policies is None else self._policies(policies),
-            self._metric_on(robot, M),
-            {_DYNAMICS: dynamics, ROW_NAMES: self._hard_names},
+            None if self._metric.stated is None else self._metric_on(on),
+            {_DYNAMICS: dynamics, ROW_NAMES: on.hard_names},
         )
 
     @property
@@ -275,44 +255,6 @@ class TorqueStack:
             metric=self._metric.kind,
         )
 
-    def _lay_out(self) -> None:
-        """Where all rows stand: hard ones, contacts, then each level's rows on accelerations and on forces."""
-        self._motion_offsets = self._motion._offsets
-        rows = self._motion._rows
-        assert rows is not None
-        # Of this robot and these rows, whatever the stack meets before somebody asks.
-        hard = self._passive, self._limited, self._contacts, self._force_unit, self._motion._hard, rows.counts
-        self._hard_names = functools.partial(torque_rows_in_words, rows.robot, *hard)
-        ends, below = self._motion._offsets
-        contacts, counts, hard_rows = self._contact_rows, np.diff(ends).tolist(), int(below[1])
-        first = len(self._passive) + len(self._limited) + len(contacts.cones)
-        places = list(range(first, first + hard_rows))
-        self._first = at = first + hard_rows
-        motion_place = at
-        offsets = [0]
-        if self._contacts:
-            at += contacts.rows
-            offsets.append(contacts.rows)
-        own = dict(zip(self._motion_levels, counts, strict=True))
-        self._force_places = []
-        for k in range(len(self._levels)):
-            m = own.get(k, 0)
-            places += range(at, at + m)
-            at += m
-            for level, item in self._force_items:
-                if level == k:
-                    m = item.size if isinstance(item, ContactForceTask) else len(self._driven)
-                    self._force_places.append((item, slice(at, at + m)))
-                    at += m
-            offsets.append(at - self._first)
-        self._offsets = np.array(offsets, dtype=np.int64)
-        cones = contacts.cones, contacts.cone_lower, contacts.cone_upper
-        self._native.place(*cones, np.array(places, dtype=np.int64), motion_place, at)
-        self._degrees = np.ones(at - self._first)
-        if self._contacts:
-            self._degrees[: contacts.rows] = contacts.degrees
-        self._kept_forces: dict[int, tuple[int, FloatArray, FloatArray]] = {}
-
     def dynamics(self, problem: Problem) -> InverseDynamics:
         """How answers to a problem of this class become torques. Raises `SettingError` for any other problem."""
         found = (problem.kept or {}).get(_DYNAMICS)
@@ -329,55 +271,19 @@ class TorqueStack:
 
             tau = S (g - J_c^T f - braking diag(M) v)      f: least squares of what carries the passive velocities, f_z >= 0
         """
-        if robot is not self._robot:
-            self._meet(robot)
+        on = self._on
+        if on is None or on.robot is not robot:
+            on = self._meet(robot)
         velocity = np.zeros(robot.nv)
         with contextlib.suppress(TypeError, ValueError):
             given = np.asarray(v, dtype=np.float64)
             velocity = np.where(np.isfinite(given), given, 0.0) if given.shape == velocity.shape else velocity
-        contacts = self._contact_rows
-        torque = np.array(robot.gravity())
-        if len(self._passive) and contacts.forces:
-            if contacts.read(np.zeros(robot.nv)):
-                self._motion_offsets = None  # the next problem lays its rows out anew
-            jacobian = self._native.points()
-            closed = np.concatenate([np.full(c.size, c.activation > 0.0) for c in self._contacts])
-            carrying = jacobian[:, self._passive].T * closed
-            forces = np.linalg.lstsq(carrying, torque[self._passive], rcond=1e-9)[0]
-            forces[2::3] = np.maximum(forces[2::3], 0.0)
-            torque -= jacobian.T @ forces
-        torque -= braking * np.diag(robot.mass_matrix()) * velocity
-        torque = torque[self._driven]
-        cut = np.clip(np.where(np.isfinite(torque), torque, 0.0), -self._limit, self._limit)
-        cut.flags.writeable = False
-        return cut
+        return on.holding_torque(velocity, braking)
 
-    def _force_rows(
-        self, item: ContactForceTask | TorqueTask, torque_map: FloatArray, offset: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Rows on x, and what they should be, of a task on forces or torques."""
-        if isinstance(item, ContactForceTask):
-            kept = self._kept_forces.get(id(item))
-            if kept is None or kept[0] != item._version:
-                forces = self._contact_rows.forces
-                A, b = item.rows(self._index_of, forces)
-                n = torque_map.shape[1]
-                matrix = np.zeros((len(b), n))
-                matrix[:, n - forces :] = A
-                kept = self._kept_forces[id(item)] = item._version, matrix, b / self._force_unit
-            return kept[1], kept[2]
-        d = len(offset)
-        for what, value in (("target", np.asarray(item.target)), ("weight", np.asarray(item.weight))):
-            if value.ndim and len(value) != d:
-                raise SettingError(f"the {what} of {item.name!r} has {len(value)} numbers; {d} velocities are driven.")
-        weight = np.broadcast_to(np.asarray(item.weight, dtype=np.float64), (d,))
-        return weight[:, None] * torque_map, weight * (item.target - offset)
-
-    def _metric_on(self, robot: Robot, M: FloatArray) -> FloatArray | None:
-        if self._metric.stated is None:
-            return None
-        whole = np.eye(robot.nv + self._contact_rows.forces)
-        whole[: robot.nv, : robot.nv] = M if isinstance(self._metric.stated, str) else self._metric.on(robot)
+    def _metric_on(self, on: TorqueRows) -> FloatArray:
+        nv = on.robot.nv
+        whole = np.eye(nv + on.contacts.forces)
+        whole[:nv, :nv] = on.mass_matrix if isinstance(self._metric.stated, str) else self._metric.on(on.robot)
         return whole
 
     def _policies(self, motion: Sequence[LevelDamping | None]) -> tuple[LevelDamping | None, ...]:
@@ -386,64 +292,15 @@ class TorqueStack:
             policies[k] = policy
         return (None, *policies) if self._contacts else tuple(policies)
 
-    def _meet(self, robot: Robot) -> None:
-        """Find what is driven and where the contacts are on this robot."""
-        missing = [name for name in ("bias", "bias_acceleration") if not hasattr(robot, name)]
-        if missing:
-            raise RobotError(
-                f"a {type(robot).__name__} has no method {missing[0]}(), which inverse dynamics needs; use a MujocoRobot or a "
-                "PinocchioRobot."
-            )
-        for contact in self._contacts:
-            check_frames(robot, [contact.frame, contact.on], f"{contact.name!r}")
-        others = np.asarray(getattr(robot, "unactuated", ()), dtype=np.int64)
-        widths = getattr(robot, "joint_widths", (1,) * len(robot.joint_names))
-        if self._driven_names is None:
-            starts = np.cumsum([0, *widths])
-            free = [
-                i for start, width in zip(starts, widths, strict=False) if width == 6 for i in range(start, start + 6)
-            ]
-            driven = np.setdiff1d(np.arange(robot.nv), [*free, *others.tolist()])
-        else:
-            from hqp_rp.control._checks import joint_indices
-
-            driven = np.asarray(joint_indices(robot, list(self._driven_names), "driven"), dtype=np.int64)
-        if not len(driven):
-            raise RobotError(
-                "no velocity of this robot is driven: it has no joint but free ones; name the driven joints."
-            )
-        self._driven = driven
-        self._passive = np.setdiff1d(np.arange(robot.nv), [*driven.tolist(), *others.tolist()])
-        own = getattr(robot, "effort_limit", None)
-        default = np.full(robot.nv, math.inf) if own is None else own
-        self._limit = per_joint(self._torque, default, robot, "torque")[driven]
-        self._limited = driven[self._limit < math.inf]
-        found = None if self._warned else at_once_on(self._motion.limits, robot, self._limited)
+    def _meet(self, robot: Robot) -> TorqueRows:
+        """What makes the rows on this robot."""
+        on = TorqueRows(robot, self._contacts, self._driven_names, self._torque, self._force_unit)
+        found = None if self._warned else at_once_on(self._motion.limits, robot, on.limited)
         if found is not None:
             warn_of_brakes(*found)
             self._warned = True
-        self._contact_rows = ContactRows(robot, self._contacts)
-        if not self._contacts:
-            self._contact_rows.arrays["jacobians"] = np.zeros((0, 6, robot.nv))
-        # Read at every step; what a problem keeps of them is copied.
-        self._mass_matrix, self._bias = np.empty((robot.nv, robot.nv)), np.empty(robot.nv)
-        self._read_dynamics = dynamics_reader(robot)
-        self._native = _native.TorqueRows(
-            {
-                **self._contact_rows.arrays,
-                "mass_matrix": self._mass_matrix,
-                "bias": self._bias,
-                "passive": self._passive,
-                "driven": np.ascontiguousarray(driven, dtype=np.int64),
-                "limited": self._limited,
-                "limit": self._limit[self._limit < math.inf],
-            },
-            self._contact_rows.forces,
-            self._force_unit,
-        )
-        self._motion_offsets = None
-        self._index_of = {id(c): span for c, span in zip(self._contacts, self._contact_rows.spans, strict=True)}
-        self._robot = robot
+        self._on = on
+        return on
 
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = {

@@ -115,8 +115,8 @@ def damped_least_squares(A: object, b: object, eta: float) -> FloatArray:
 def is_finite(array: object) -> bool:
     """Whether every number of an array of any shape is finite."""
 
-def finite_vector(given: object, size: int) -> FloatArray | None:
-    """The same numbers as a C-contiguous float64 vector (size,), the object itself where it is one; None where they are not finite ones."""
+def finite_numbers(given: object, size: int) -> FloatArray | None:
+    """The same numbers as a C-contiguous float64 vector (size,), the object itself where it is one; None where they are not so many finite ones that float64 holds without loss."""
 
 def take_configuration(q: object | None, out: object, quaternions: object, least: float) -> bool:
     """

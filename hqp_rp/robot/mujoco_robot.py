@@ -103,8 +103,7 @@ class MujocoRobot(MujocoSurroundings):
         limit = np.inf if velocity_limit is None else velocity_limit
         self._velocity_limit = checked_limit(limit, self._joint_names, widths)
         self._lower, self._upper = position_limits(model)
-        self._quaternions = quaternions(model)
-        self._quaternion_places = np.array(self._quaternions, dtype=np.int64)
+        self._quaternions = np.array(quaternions(model), dtype=np.int64)
         # Sites are numbered after the bodies: one integer says which frame it is.
         self._nbody = int(model.nbody)
         bodies = [("body", model.body(i).name, i) for i in range(model.nbody)]
@@ -239,7 +238,7 @@ class MujocoRobot(MujocoSurroundings):
 
     def update(self, q: FloatArray) -> None:
         """Set the configuration (nq,) and compute the kinematics. Raises `RobotError` on a wrong size or a NaN."""
-        if not _take_configuration(q, self._qpos, self._quaternion_places, _MIN_SQUARE):
+        if not _take_configuration(q, self._qpos, self._quaternions, _MIN_SQUARE):
             self._qpos[...] = self._checked(q, "q")
         self._given = None
         self._is_complete = False
@@ -341,11 +340,8 @@ class MujocoRobot(MujocoSurroundings):
 
     def mass_matrix(self) -> FloatArray:
         """(nv, nv) joint-space inertia matrix, rotor inertia (armature) included."""
-        if not self._is_complete:
-            self._complete()
-        matrix, model, data = np.empty((self._nv, self._nv)), self._model, self._data
-        _inertias(model, data)
-        _full_inertia(model, data, matrix)
+        matrix = np.empty((self._nv, self._nv))
+        self._write_mass_matrix(matrix)
         return matrix
 
     def gravity(self) -> FloatArray:
@@ -354,25 +350,29 @@ class MujocoRobot(MujocoSurroundings):
 
     def bias(self, v: FloatArray) -> FloatArray:
         """(nv,) h(q, v) + g(q) in M(q) a + h(q, v) + g(q) = tau, for v (nv,): Coriolis, centrifugal and gravity torques."""
-        velocity = checked_vector(v, self._nv, "v")
-        if not self._is_complete:
-            self._complete()
-        torque, model, data = np.empty(self._nv), self._model, self._data
-        self._qvel[...] = velocity  # nothing else reads the velocity of the private state
-        _velocities(model, data)
-        _newton_euler(model, data, 0, torque)
+        torque = np.empty(self._nv)
+        self._write_bias(checked_vector(v, self._nv, "v"), torque)
         return torque
 
-    def read_dynamics(self, v: FloatArray, mass_matrix: FloatArray, bias: FloatArray) -> None:
+    def _read_dynamics(self, v: FloatArray, mass_matrix: FloatArray, bias: FloatArray) -> None:
         """Write `mass_matrix()` (nv, nv) and `bias(v)` (nv,) into arrays; v (nv,) is a float64 array and not checked."""
-        model, data = self._model, self._data
+        self._write_mass_matrix(mass_matrix)
+        self._write_bias(v, bias)
+
+    def _write_mass_matrix(self, out: FloatArray) -> None:
         if not self._is_complete:
             self._complete()
+        model, data = self._model, self._data
         _inertias(model, data)
-        _full_inertia(model, data, mass_matrix)
+        _full_inertia(model, data, out)
+
+    def _write_bias(self, v: FloatArray, out: FloatArray) -> None:
+        if not self._is_complete:
+            self._complete()
+        model, data = self._model, self._data
         self._qvel[...] = v  # nothing else reads the velocity of the private state
         _velocities(model, data)
-        _newton_euler(model, data, 0, bias)
+        _newton_euler(model, data, 0, out)
 
     @property
     def effort_limit(self) -> FloatArray:

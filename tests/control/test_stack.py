@@ -186,7 +186,15 @@ def test_a_missing_time_step(robot):
         Stack([PositionTask("tool", np.zeros(3))], limits=[VelocityLimit()]).problem(robot)
 
 
-@pytest.mark.parametrize("v", [np.zeros(6), [np.nan] * 7, "fast"])
+@pytest.mark.parametrize("kind", [np.float64, np.float32, int, object, np.longdouble, list, np.ma.masked_array])
+def test_a_velocity_may_come_in_every_kind_of_array(robot, kind):
+    v = kind(np.arange(7)) if kind in (list, np.ma.masked_array) else np.arange(7).astype(kind)
+    stack = Stack([PositionTask("tool", np.zeros(3))], [JointLimit(acceleration=1.0)])
+    found, meant = (stack.problem(robot, 0.1, given) for given in (v, np.arange(7.0)))
+    np.testing.assert_array_equal(found.hard.lower, meant.hard.lower)
+
+
+@pytest.mark.parametrize("v", [np.zeros(6), [np.nan] * 7, "fast", np.zeros(7, complex), np.zeros((7, 1)), [[1.0], 2.0]])
 def test_bad_velocities(robot, v):
     with pytest.raises(SettingError, match=r"v is .*; it must be 7 (finite )?numbers in rad/s or m/s"):
         Stack([PositionTask("tool", np.zeros(3))]).problem(robot, 0.1, v)

@@ -2,6 +2,8 @@
 
 import copy
 import pickle
+import sys
+import threading
 
 import mujoco
 import numpy as np
@@ -514,3 +516,35 @@ def test_torque_limits_of_the_model_and_brakes_of_some_joints():
     with pytest.warns(UserWarning, match="asks joints to stop"):
         hqp_rp.Stack([PostureTask(robot.neutral)], [JointLimit(), hqp_rp.TorqueLimit(5.0)])
     hqp_rp.Stack([PostureTask(robot.neutral), hqp_rp.TorqueLimit(5.0)], [JointLimit()])
+
+
+def test_two_threads_with_a_robot_each_share_a_stack():
+    """What is written at every step belongs to a robot: no torque is made of another one's dynamics."""
+    robots = [MujocoRobot.from_arm(sawyer()) for _ in range(2)]
+    stack = TorqueStack([PostureTask(robots[0].neutral)])
+    wrong = []
+
+    def work(robot, seed):
+        rng = np.random.default_rng(seed)
+        for _ in range(300):
+            robot.update(robot.neutral + rng.normal(size=7))
+            v = rng.normal(size=7)
+            try:
+                dynamics = stack.dynamics(stack.problem(robot, 0.01, v))
+            except Exception as error:
+                wrong.append(error)
+                continue
+            if not np.array_equal(dynamics.offset, robot.bias(v)):
+                wrong.append(seed)
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=work, args=(robot, seed)) for seed, robot in enumerate(robots)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    assert not wrong

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hqp_rp.core._native import finite_vector, is_finite, take_configuration, torque_within
+from hqp_rp.core._native import finite_numbers, is_finite, take_configuration, torque_within
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
@@ -54,18 +54,40 @@ def test_torques_are_cut_and_read_only(n):
 @given(st.lists(NUMBERS, max_size=20), st.integers(0, 20))
 def test_a_finite_vector_is_taken_as_it_is_and_nothing_else_is(numbers, size):
     array = np.array(numbers)
-    assert (finite_vector(array, size) is array) == (len(numbers) == size and bool(np.isfinite(numbers).all()))
+    assert (finite_numbers(array, size) is array) == (len(numbers) == size and bool(np.isfinite(numbers).all()))
 
 
 def test_other_numbers_become_a_vector_and_what_is_none_is_refused():
     wide = np.arange(12.0).reshape(3, 4)
     for given_, meant in (([1, 2, 3], [1, 2, 3]), (wide[:, 1], [1, 5, 9]), (np.float32([0.5, 0, 1]), [0.5, 0, 1])):
-        found = finite_vector(given_, 3)
+        found = finite_numbers(given_, 3)
         assert found.dtype == np.float64
         assert found.flags.c_contiguous
         np.testing.assert_array_equal(found, meant)
-    for refused in ("abc", None, 3.0, [[1.0, 2.0, 3.0]], [1.0, "x", 2.0], [1j, 0.0, 0.0], np.zeros((3, 1)), object()):
-        assert finite_vector(refused, 3) is None
+    for refused in (
+        "abc",
+        None,
+        3.0,
+        [[1.0, 2.0, 3.0]],
+        [1.0, "x", 2.0],
+        [1j, 0.0, 0.0],
+        np.zeros((3, 1)),
+        object(),
+        np.zeros(3, object),
+    ):
+        assert finite_numbers(refused, 3) is None
+
+
+def test_a_masked_array_becomes_a_plain_one_and_what_interrupts_is_not_swallowed():
+    assert finite_numbers(np.zeros(3, object), 3) is None
+    assert type(finite_numbers(np.ma.masked_array([1.0, 2.0]), 2)) is np.ndarray
+
+    class Interrupting:
+        def __array__(self, *_, **__):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        finite_numbers(Interrupting(), 2)
 
 
 def test_a_configuration_is_copied_whole_or_not_at_all():

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from hqp_rp import PostureTask, TorqueStack
 from hqp_rp.core.errors import RobotError
 from hqp_rp.robot import DynamicRobot, MujocoRobot, PinocchioRobot, Robot, planar_arm, sawyer
 from hqp_rp.robot.dual_arm import dual_arm
@@ -271,7 +272,7 @@ def test_what_is_read_is_what_the_robot_states(name):
         np.testing.assert_array_equal(h, robot.bias(v))
 
 
-def test_what_a_subclass_or_an_object_states_itself_counts():
+def test_what_a_subclass_states_itself_counts():
     class Loaded(MujocoRobot):
         def mass_matrix(self):
             return 2.0 * super().mass_matrix()
@@ -280,7 +281,7 @@ def test_what_a_subclass_or_an_object_states_itself_counts():
         pass
 
     class Both(Loaded):
-        def read_dynamics(self, v, mass_matrix, bias):
+        def _read_dynamics(self, v, mass_matrix, bias):
             mass_matrix[...], bias[...] = 3.0, 4.0
 
     model, v = MujocoRobot.from_arm(sawyer()).model, np.full(7, 0.2)
@@ -290,9 +291,30 @@ def test_what_a_subclass_or_an_object_states_itself_counts():
         np.testing.assert_array_equal(M, robot.mass_matrix())
         np.testing.assert_array_equal(h, robot.bias(v))
     assert read(Both(model), v)[0][0, 0] == 3.0
-    robot = MujocoRobot(model)
-    robot.bias = lambda v: np.arange(7.0)
-    np.testing.assert_array_equal(read(robot, v)[1], np.arange(7.0))
-    robot.bias = lambda v: np.zeros(6)
-    with pytest.raises(RobotError, match=r"bias\(v\) of .* has shape \(6,\); it must be \(7,\)"):
-        read(robot, v)
+
+
+def test_what_is_stated_later_counts_from_then_on(monkeypatch):
+    robot, v = MujocoRobot.from_arm(sawyer()), np.full(7, 0.2)
+    stack = TorqueStack([PostureTask(robot.neutral)])
+
+    def offset():
+        return stack.dynamics(stack.problem(robot, 0.01, v)).offset
+
+    own = robot.bias(v)
+    np.testing.assert_array_equal(offset(), own)
+    robot.bias = lambda v: np.arange(7)
+    np.testing.assert_array_equal(offset(), np.arange(7.0))
+    del robot.bias
+    np.testing.assert_array_equal(offset(), own)
+    with monkeypatch.context() as patched:
+        patched.setattr(MujocoRobot, "bias", lambda self, v: 2.0 * own)
+        np.testing.assert_array_equal(offset(), 2.0 * own)
+    np.testing.assert_array_equal(offset(), own)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(6), None, "abc", np.zeros(7, dtype=complex), 0.0])
+def test_what_is_no_bias_is_refused(wrong):
+    robot = MujocoRobot.from_arm(sawyer())
+    robot.bias = lambda v: wrong
+    with pytest.raises(RobotError, match=r"bias\(v\) of .* is an array .*; it must be \(7,\) of real numbers"):
+        read(robot, np.zeros(7))

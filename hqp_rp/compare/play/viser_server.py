@@ -56,11 +56,8 @@ def in_server(server: Any, what: Callable[[], _Answer]) -> _Answer:
         RuntimeError: the server was stopped.
     """
     loop: asyncio.AbstractEventLoop = server.get_event_loop()
-    try:
-        if asyncio.get_running_loop() is loop:
-            return what()
-    except RuntimeError:
-        pass  # another thread, without a loop
+    if _is_running_here(loop):
+        return what()
     answer: concurrent.futures.Future[_Answer] = concurrent.futures.Future()
 
     def do() -> None:
@@ -74,10 +71,17 @@ def in_server(server: Any, what: Callable[[], _Answer]) -> _Answer:
         try:
             return answer.result(timeout=1.0)
         except concurrent.futures.TimeoutError:
-            if answer.done():
-                raise
+            if answer.done():  # in that moment, or a TimeoutError of its own
+                return answer.result()
             if loop.is_closed():
                 raise RuntimeError("The page's server was stopped.") from None
+
+
+def _is_running_here(loop: asyncio.AbstractEventLoop) -> bool:
+    try:
+        return asyncio.get_running_loop() is loop
+    except RuntimeError:  # a thread without a loop
+        return False
 
 
 def told_on_the_left(gui: Any, title: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import importlib.util
 import threading
 from collections.abc import Callable, Iterator
@@ -41,6 +42,27 @@ def test_what_it_raises_is_raised(server: Any) -> None:
 
     with pytest.raises(TimeoutError, match="of its own"):
         in_server(server, refused)
+    assert in_server(server, lambda: 3) == 3
+
+
+def test_what_is_raised_within_is_raised_and_the_server_goes_on(server: Any) -> None:
+    def refused() -> None:
+        raise RuntimeError("of its own")
+
+    with pytest.raises(RuntimeError, match="of its own"):
+        in_server(server, lambda: in_server(server, refused))
+    assert in_server(server, lambda: 3) == 3
+
+
+def test_an_answer_that_comes_as_the_wait_ends_is_the_answer(server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Late(concurrent.futures.Future[Any]):
+        def result(self, timeout: float | None = None) -> Any:
+            found = super().result()
+            if timeout is not None:
+                raise concurrent.futures.TimeoutError
+            return found
+
+    monkeypatch.setattr(concurrent.futures, "Future", Late)
     assert in_server(server, lambda: 3) == 3
 
 

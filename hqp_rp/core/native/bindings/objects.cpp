@@ -162,10 +162,11 @@ void bind_objects(nb::module_& module) {
       },
       nb::arg("array"), "Whether every number of an array of any shape is finite.");
   module.def(
-      "finite_vector",
+      "finite_numbers",
       [](nb::handle given, Py_ssize_t size) -> nb::object {
-        PyObject* found = PyArray_FROMANY(given.ptr(), NPY_DOUBLE, 0, 0, NPY_ARRAY_CARRAY_RO);
+        PyObject* found = PyArray_FROMANY(given.ptr(), NPY_DOUBLE, 0, 0, NPY_ARRAY_CARRAY_RO | NPY_ARRAY_ENSUREARRAY);
         if (!found) {
+          if (!PyErr_ExceptionMatches(PyExc_TypeError) && !PyErr_ExceptionMatches(PyExc_ValueError)) throw nb::python_error();
           PyErr_Clear();
           return nb::none();
         }
@@ -174,7 +175,8 @@ void bind_objects(nb::module_& module) {
         return fits && all_finite(numbers_in(vector), size) ? vector : nb::none();
       },
       nb::arg("given").none(), nb::arg("size"),
-      "The same numbers as a C-contiguous float64 vector (size,), the object itself where it is one; None where they are not finite ones.");
+      "The same numbers as a C-contiguous float64 vector (size,), the object itself where it is one; None where they are not so many finite\n"
+      "ones that float64 holds without loss.");
   module.def(
       "take_configuration",
       [](nb::handle q, nb::handle out, nb::handle quaternions, double least) {
