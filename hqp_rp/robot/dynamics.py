@@ -18,7 +18,8 @@ def dynamics_reader(robot: Any) -> Callable[[FloatArray, FloatArray, FloatArray]
     """What writes M(q) (nv, nv) and h(q, v) + g(q) (nv,) of a robot into arrays: `read(v, M, bias)`, for v (nv,).
 
     They are what `mass_matrix()` and `bias(v)` of the robot return at that moment. A robot of the library may write both at
-    once by a method `_read_dynamics`, which counts as long as neither a subclass nor the object states one of them in another way.
+    once by a method `_read_dynamics`, which counts as long as neither a subclass nor the object states one of them in another
+    way.
 
     Reading raises `RobotError` where they are not real numbers of that shape.
     """
