@@ -6,8 +6,9 @@
     refused  not called a success, an exception, no answer in time, the process ended
     cannot   the peer cannot state the problem
 
-A wrong answer is `kept` when it is what the peer promises, to 1e-6: the optimum of its weighted sum under its hard rows, the
-right answer after its own scaling of each level, or the right answer with rows scaled to length one.
+A wrong answer is `kept` when it is what the peer promises, to 1e-6: the least weighted sum under its hard rows, the right
+answer after its own scaling of each level, or the right answer with rows scaled to length one. Of a weighted sum its value is
+enough: the certificate asks each row in its own size, and what a weight of 1e-6 leaves of a task is promised to nobody.
 """
 
 from __future__ import annotations
@@ -56,14 +57,33 @@ def _kept(problem: hqp_rp.Problem, x: Any, promise: Mapping[str, Any] | None) ->
     if not promise:
         return False
     try:
-        if "unit_rows" in promise:
-            promised = _unit_rows(problem)
+        if "weights" in promise:
+            promised = _weighted(problem, **promise)
+            if _is_least(promised, x):
+                return True
         else:
-            promised = _scaled(problem, promise["scales"]) if "scales" in promise else _weighted(problem, **promise)
+            promised = _unit_rows(problem) if "unit_rows" in promise else _scaled(problem, promise["scales"])
         found = hqp_rp.certify(promised, x, tolerance=TOLERANCE)
     except HqpError:
         return False
     return found.ok or found.fault == "least norm"
+
+
+def _is_least(promised: hqp_rp.Problem, x: Any) -> bool:
+    """Whether hard rows and the root of the sum of squares of the one level are within 1e-6 of what they can be at least."""
+    (level,) = promised.levels
+    if hqp_rp.certify(promised, x).relative_hard_violation > TOLERANCE:
+        return False
+    least = hqp_rp.solve(promised, "hierarchical_active_set").x
+    if least is None:
+        return False
+    size = np.linalg.norm(level.A) * np.linalg.norm(x) + np.linalg.norm(np.clip(level.A @ x, level.lower, level.upper))
+    return bool(_root_of_sum(level, x) <= _root_of_sum(level, least) + TOLERANCE * size)
+
+
+def _root_of_sum(level: hqp_rp.Level, x: Any) -> float:
+    value = level.A @ x
+    return float(np.linalg.norm(value - np.clip(value, level.lower, level.upper)))
 
 
 def _unit_rows(problem: hqp_rp.Problem) -> hqp_rp.Problem:
