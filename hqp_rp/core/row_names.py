@@ -50,7 +50,7 @@ class RowName(NamedTuple):
 
 def row_names(problem: Problem) -> list[RowName]:
     """One for each hard row: what `ROW_NAMES` says, else `Level.row_names`, else its number."""
-    stated = _made(problem, ROW_NAMES, problem.hard_rows if problem.hard is None else problem.hard.m)
+    stated = _made(problem, ROW_NAMES, _hard_rows(problem))
     if stated is not None:
         return stated
     hard = problem.hard
@@ -109,7 +109,7 @@ def take_row_names(problem: Problem, made: Problem) -> None:
 
 def stated_row_names(problem: Problem) -> dict[str, list[RowName]]:
     """What `ROW_NAMES` and `LEVEL_ROW_NAMES` say, of those that are there, for `state_row_names`."""
-    counts = {ROW_NAMES: problem.hard_rows if problem.hard is None else problem.hard.m, LEVEL_ROW_NAMES: problem.rows}
+    counts = {ROW_NAMES: _hard_rows(problem), LEVEL_ROW_NAMES: problem.rows}
     stated = {which: _made(problem, which, count) for which, count in counts.items()}
     return {which: names for which, names in stated.items() if names is not None}
 
@@ -120,14 +120,17 @@ def state_row_names(problem: Problem, stated: Mapping[str, list[RowName]]) -> No
     problem.kept = {**(problem.kept or {}), **made}
 
 
+def _hard_rows(problem: Problem) -> int:
+    return problem.hard_rows if problem.hard is None else problem.hard.m
+
+
 def _made(problem: Problem, which: str, count: int) -> list[RowName] | None:
     namer: Callable[[], Iterable[tuple[Any, ...]]] | None = (problem.kept or {}).get(which)
     if namer is None:
         return None
     try:
         names = [RowName(*named) for named in namer()]
-    except (
-        Exception
-    ):  # names are for messages: a limit or a robot of one's own that cannot give them must not stop a solve
+    except Exception:
+        # Names are for messages: a limit or a robot of one's own that cannot give them must not stop a solve.
         return None
     return names if len(names) == count else None
